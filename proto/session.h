@@ -1,0 +1,137 @@
+/*
+ * session.h — one measured sample: data set, recording and checkpoint in one SQLite file (design 4.5).
+ *
+ * Raw rows (exposures, exchanges, events) are facts; points and estimates are derived from them and can be
+ * derived again. Tables are insert-only; a final point supersedes its provisional one by its `supersedes`
+ * column. WAL and synchronous=FULL while open; closing leaves one file. docs/session-format.md holds the
+ * schema.
+ *
+ * Threads    a struct session is used by one thread at a time (the writer thread while a campaign runs).
+ * Errors     -ERR_FULL disk full (the transaction is rolled back whole); -ERR_BUSY another daemon has it open
+ * for writing; -ERR_INPUT truncated or not a goniod session; -ERR_IO with errno. Checked
+ * tests/unit/test_session.c, tests/crash/
+ */
+#ifndef PROTO_SESSION_H
+#define PROTO_SESSION_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "proto/bands.h"
+#include "proto/calibration.h"
+#include "proto/err.h"
+#include "proto/material.h"
+
+#define SESSION_APPLICATION_ID 0x474f4e49 /* "GONI" */
+#define SESSION_USER_VERSION 1
+#define POINT_COMMON_MAX 12
+
+enum exposure_kind { EXPOSURE_SAMPLE, EXPOSURE_REFERENCE, EXPOSURE_DARK, EXPOSURE_TRAP, EXPOSURE_KINDS };
+
+struct exposure { /* one set of scans in one state of the bench */
+    int64_t id;   /* given by session_add_exposure, counts from 1 */
+    int step;     /* index into the plan */
+    int attempt;  /* 0 first; a shorter repeat of a saturated set is the next */
+    enum exposure_kind kind;
+    int bracket;  /* counts from 1; 0 = belongs to none */
+    bool control; /* the reading of the bracket's control geometry that opens or closes it */
+    int32_t theta_i_udeg, theta_v_udeg;            /* nominal; theta_v > 0 on the mirror side */
+    bool mirrored;                                 /* measured with both axes negated */
+    int32_t source_udeg, sample_udeg, holder_udeg; /* readbacks */
+    int64_t settled_us, start_us, end_us;          /* settled < start < end < next move */
+    int64_t utc_us;
+    int exposure_us, n_scans, pixels;
+    int saturated_pixels; /* the worst scan's; > 0 marks the whole set */
+    bool lamp;
+    double temperature_c; /* NaN = not read */
+    uint16_t *counts;     /* n_scans * pixels, scan by scan; the caller's memory */
+};
+
+/* A named common part of a point: the signed change of beta, by band, for one standard uncertainty of its
+ * cause. The same cause has the same name in every point: "certificate", "reference/ID", "dark/ID", "stray",
+ * "linearity". */
+struct point_common {
+    char name[40];
+    double sensitivity[BANDS];
+    double mean; /* of the visible mean */
+};
+
+struct point {
+    int64_t id;
+    int64_t supersedes; /* id of the provisional row this replaces, 0 = none */
+    bool provisional;
+    int64_t exposure_id; /* of the sample */
+    int bracket;
+    double tau_us;   /* time since the bracket opened, of the sample reading */
+    double tau_r_us; /* and of the reference reading it was divided by (the open reading: 0) */
+    int32_t theta_i_udeg, theta_v_udeg; /* from readbacks */
+    bool saturated;
+    bool present[BANDS]; /* false: signal too low, never filled */
+    double beta[BANDS];
+    double u_ind[BANDS];     /* independent part, standard uncertainty */
+    double cov_next[BANDS];  /* covariance of band k with k + 1 (independent part) */
+    double mean, mean_u_ind; /* unweighted mean of the bands of mean_nm */
+    int n_common;
+    struct point_common common[POINT_COMMON_MAX];
+};
+
+struct bracket { /* drift: covariance r tau1 (T - tau2) / T for tau1 <= tau2 (measurement.md 3) */
+    int number;
+    int64_t open_us, close_us; /* close_us 0: not closed */
+    double rate[BANDS];        /* r, relative variance per second */
+    double mean_rate;
+    char ended_by[32]; /* "reference", "hold", "pause", "resume", "lamp" */
+};
+
+struct session;
+
+/* Text facts, written once when the session is made: "job", "config", "sample", "certificate",
+ * "profile/NAME", "goniod_version", "seed", "geometry_convention", ... */
+int session_create(struct session **s, const char *path, struct err *e); /* -ERR_BUSY if path exists */
+int session_open(struct session **s, const char *path, bool read_only, struct err *e);
+int session_close(struct session *s, struct err *e); /* checkpoints and leaves one file */
+
+int session_begin(struct session *s, struct err *e);
+int session_commit(struct session *s, struct err *e);
+void session_rollback(struct session *s);
+
+int session_set_text(struct session *s, const char *key, const char *text, struct err *e);
+int session_get_text(struct session *s, const char *key, char **text,
+                     struct err *e); /* malloc; NULL if absent */
+int session_set_calibration(struct session *s, const struct calibration *c, struct err *e);
+int session_get_calibration(struct session *s, struct calibration *c, struct err *e);
+
+int session_add_exposure(struct session *s, struct exposure *x, struct err *e);
+int session_add_point(struct session *s, struct point *p, struct err *e);
+int session_add_bracket(struct session *s, const struct bracket *b, struct err *e);
+int session_add_estimate(struct session *s, int64_t now_us, int64_t last_point_id, const struct estimate *m,
+                         struct err *e);
+int session_add_event(struct session *s, int64_t now_us, const char *kind, const char *json, struct err *e);
+/* A Modbus exchange: request and reply as register images; result as returned by the link. */
+int session_add_exchange(struct session *s, int64_t sent_us, int64_t done_us, const char *link,
+                         const void *request, size_t request_size, const void *reply, size_t reply_size,
+                         int result, struct err *e);
+
+/* Readers call back in id order; a callback's non-zero return ends the walk and is returned. */
+int session_each_exposure(struct session *s, int (*seen)(void *arg, const struct exposure *x), void *arg,
+                          struct err *e);
+int session_each_point(struct session *s, bool with_superseded, int (*seen)(void *arg, const struct point *p),
+                       void *arg, struct err *e);
+int session_each_bracket(struct session *s, int (*seen)(void *arg, const struct bracket *b), void *arg,
+                         struct err *e);
+int session_each_event(struct session *s,
+                       int (*seen)(void *arg, int64_t us, const char *kind, const char *json), void *arg,
+                       struct err *e);
+int session_each_estimate(struct session *s,
+                          int (*seen)(void *arg, int64_t us, int64_t last_point_id, const struct estimate *m),
+                          void *arg, struct err *e);
+int session_last_estimate(struct session *s, struct estimate *m,
+                          struct err *e); /* -ERR_STATE when there is none */
+
+/* Every table in key order as text (`gonioctl show S --dump`); the "same bytes" of design 3. */
+int session_dump(struct session *s, void *file, struct err *e);    /* file: FILE * */
+int session_copy(const char *from, const char *to, struct err *e); /* snapshot, also of a live one */
+int session_verify(const char *path, struct err_list *found, struct err *e);
+
+#endif

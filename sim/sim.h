@@ -1,0 +1,88 @@
+/*
+ * sim.h — the simulated goniometer, in process: a truth, and devices that let it be seen only through their
+ * wires.
+ *
+ * Light: lamp (warm-up, Brownian drift) x geometry (spots, etendue, both filling cases) x surface x
+ * spectrometer response + stray light -> electrons -> noise -> counts. Counts are formed from irradiance and
+ * etendue; nothing here is shared with the reduction. Devices: axes behind Modbus registers, an Ocean
+ * spectrometer behind bulk endpoints, each coded here from the sheets, never with a driver's codec. Its
+ * diffuser and its axis zeros differ from certificate and config by draws from their stated uncertainties.
+ *
+ * Noise and repeatability are functions of (seed, device, commanded position, holder, lamp, exposure time,
+ * visit, n-th frame of the visit), not of call order. Seed in, same bench out. Checked
+ * tests/unit/test_sim_*.c, tests/scenario/
+ */
+#ifndef SIM_SIM_H
+#define SIM_SIM_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "drivers/clock.h"
+#include "drivers/modbus_link.h"
+#include "drivers/usb_link.h"
+#include "proto/bands.h"
+#include "proto/err.h"
+
+enum sim_filling { SIM_VIEW_IN_BEAM, SIM_BEAM_IN_VIEW };
+
+struct sim_surface {
+    char name[48];
+    double sigma, gamma, beta_prime, n; /* kappa = 1 */
+    double s_lambda[BANDS];
+    const void *measured; /* an interpolated .brdf (sim/measured.h), or NULL for the model */
+};
+
+struct sim_axis_config {
+    char role[16]; /* source, sample, holder */
+    int unit;
+    double zero_deg;   /* what the config says of the zero */
+    double u_zero_deg; /* the true zero is drawn from it */
+    double u_repeat_deg, lost_motion_deg;
+    double speed_deg_s, accel_deg_s2;
+    int watchdog_ms; /* 0 = off */
+    bool mute;       /* the unit answers nothing */
+};
+
+struct sim_config {
+    uint64_t seed;
+    char spectrometer[24]; /* usb2000plus | usb4000 */
+    char serial[24];
+    enum sim_filling filling;
+    double beam_mm, view_mm;
+    double lamp_drift_rate; /* relative variance per second */
+    double lamp_warm_up_min;
+    double stray_light;       /* share of the mean signal */
+    double certificate_u_rel; /* common factor of the diffuser against its certificate */
+    bool quiet;               /* no noise, no drift, no draws: for exact tests */
+    int n_axes;
+    struct sim_axis_config axis[4];
+};
+
+struct sim_bench;
+
+void sim_config_default(struct sim_config *config); /* the built-in bench of `goniod --simulate` */
+int sim_bench_new(struct sim_bench **bench, const struct sim_config *config, struct clock *clock,
+                  struct err *e);
+void sim_bench_free(struct sim_bench *bench);
+/* What stands in the beam when the holder axis reads this position; the reference diffuser and the trap are
+ * built in. */
+int sim_bench_mount(struct sim_bench *bench, const char *holder_position, const struct sim_surface *surface,
+                    struct err *e);
+/* Visit counts of a session that is resumed, so that noise goes on where it stood. */
+void sim_bench_set_visits(struct sim_bench *bench, const char *holder_position, int32_t source_udeg,
+                          int32_t sample_udeg, int exposure_us, bool lamp, int visits);
+
+int sim_modbus_link(struct sim_bench *bench, struct modbus_link *link, struct err *e);
+int sim_usb_link(struct sim_bench *bench, struct usb_link *link, struct err *e);
+
+/* Published sets of the paper with coloured spectra (sim/paints.c): paint "Hooker's Green", support "acrylic
+ * board", water 0. -ERR_INPUT names the nearest known. */
+int sim_paint_find(const char *paint, const char *support, int water_percent, struct sim_surface *surface,
+                   struct err *e);
+/* The certificate CSV of the simulated diffuser, as its calibration laboratory would hand it out. */
+int sim_certificate_write(const struct sim_config *config, const char *path, struct err *e);
+/* The truth, for tests and for the demo's table: radiance factor as defined, without the instrument. */
+double sim_surface_beta(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg, int band);
+
+#endif
