@@ -10,7 +10,12 @@
  * length), -EIO, -ECANCELED. actual is valid for every status: a cancelled or timed-out read may have
  * delivered bytes. An IN transfer ends at a short packet or when length is full. Deadlines are the caller's:
  * bench_wait, then cancel, then wait (at most USB_LINK_CANCEL_MS) for pending to fall; a link must complete a
- * cancelled transfer even when the device never answers. Checked    tests/unit/test_usb_link.c, tests/wire/
+ * cancelled transfer even when the device never answers. Once the device is gone every pending transfer
+ * completes with -ENODEV and submit returns -ERR_LINK; the link stays that way until it is closed.
+ *
+ * submitted_us is stamped before the device can see the transfer, completed_us after it can no longer change:
+ * what a transfer causes lies after the one, what it reports lies before the other.
+ * Checked    tests/unit/test_usb_link.c, tests/wire/
  */
 #ifndef DRIVERS_USB_LINK_H
 #define DRIVERS_USB_LINK_H
@@ -62,6 +67,14 @@ struct usb_link {
     struct usb_device_info info;
 };
 
+/* For the link back ends: the common names of targets and the deadline after which they give up a cancelled
+ * transfer themselves, inside USB_LINK_CANCEL_MS. */
+#define USB_LINK_ABANDON_US 100000
+int usb_link_open_libusb(struct usb_link *link, uint16_t vid, uint16_t pid, const char *serial,
+                         struct clock *clock, struct err *e);
+int usb_link_open_redir(struct usb_link *link, const char *where, uint16_t vid, uint16_t pid,
+                        struct clock *clock, struct err *e);
+
 /* What the config key spectrometer.link and serial choose. target: "usb", "usbredir:unix:PATH",
  * "usbredir:tcp:HOST:PORT". vid/pid choose among devices; serial (EEPROM serial is read by the driver, so
  * here only a bus path or iSerial can choose) may be NULL. Errors     -ERR_DEVICE absent or another model;
@@ -72,12 +85,24 @@ int usb_link_open(struct usb_link *link, const char *target, uint16_t vid, uint1
 
 /* Makes the link a service of the bench: reaps when due or readable. */
 int usb_link_serve(struct usb_link *link, struct bench *bench, struct err *e);
+/* Takes the link from the bench (NULL: it serves none) and closes it; a link never opened is left alone. */
+void usb_link_close(struct usb_link *link, struct bench *bench);
+
+static inline bool usb_link_has(const struct usb_link *link, uint8_t endpoint) {
+    return link->info.max_packet[(endpoint & 0x80 ? 16 : 0) + (endpoint & 0x0f)] > 0;
+}
+
+static inline int usb_link_max_packet(const struct usb_link *link, uint8_t endpoint) {
+    return link->info.max_packet[(endpoint & 0x80 ? 16 : 0) + (endpoint & 0x0f)];
+}
 
 /* Submits and waits in bench_wait; on the deadline cancels and waits for the transfer to come home.
  * Returns 0 (look at status and actual), -ERR_TIMEOUT (actual may be > 0), -ERR_CANCELLED, or submit's error.
  */
 int usb_link_transfer(struct usb_link *link, struct bench *bench, struct usb_transfer *t, int64_t until_us,
                       const struct cancel *cancel, struct err *e);
+/* Cancels what is pending and waits, at most USB_LINK_CANCEL_MS, until all of it has come home. */
+void usb_link_recall(struct usb_link *link, struct bench *bench, struct usb_transfer *const *t, int n);
 
 /* One line of `gonioctl devices`. */
 struct usb_found {
