@@ -6,10 +6,13 @@
  * column. WAL and synchronous=FULL while open; closing leaves one file. docs/session-format.md holds the
  * schema.
  *
- * Threads    a struct session is used by one thread at a time (the writer thread while a campaign runs).
- * Errors     -ERR_FULL disk full (the transaction is rolled back whole); -ERR_BUSY another daemon has it open
- * for writing; -ERR_INPUT truncated or not a goniod session; -ERR_IO with errno. Checked
- * tests/unit/test_session.c, tests/crash/
+ * Writing    one writer at a time, by a lock on PATH-lock that dies with its process. An add outside
+ * session_begin .. session_commit is a transaction of its own. An add that fails spoils its transaction:
+ * commit then rolls back. After -ERR_FULL the session may be used again once there is room. Reading    also
+ * beside a live writer. Network file systems are refused for writing only. Threads    a struct session is
+ * used by one thread at a time (the writer thread while a campaign runs). Errors     -ERR_FULL disk full (the
+ * transaction is rolled back whole); -ERR_BUSY another daemon has it open for writing; -ERR_INPUT truncated
+ * or not a goniod session; -ERR_IO with errno. Checked tests/unit/test_session.c, tests/crash/
  */
 #ifndef PROTO_SESSION_H
 #define PROTO_SESSION_H
@@ -67,11 +70,13 @@ struct point {
     double tau_r_us; /* and of the reference reading it was divided by (the open reading: 0) */
     int32_t theta_i_udeg, theta_v_udeg; /* from readbacks */
     bool saturated;
-    bool present[BANDS]; /* false: signal too low, never filled */
+    double scan_f;       /* scatter between scans over the count-noise model (F ratio); NaN with one scan */
+    bool noisy;          /* the F test says that the scans scatter more than the model allows */
+    bool present[BANDS]; /* false: signal too low, never filled; beta and u_ind are then NaN, cov_next 0 */
     double beta[BANDS];
     double u_ind[BANDS];     /* independent part, standard uncertainty */
     double cov_next[BANDS];  /* covariance of band k with k + 1 (independent part) */
-    double mean, mean_u_ind; /* unweighted mean of the bands of mean_nm */
+    double mean, mean_u_ind; /* unweighted mean of the bands of mean_nm; NaN where one of them is missing */
     int n_common;
     struct point_common common[POINT_COMMON_MAX];
 };
@@ -81,7 +86,24 @@ struct bracket { /* drift: covariance r tau1 (T - tau2) / T for tau1 <= tau2 (me
     int64_t open_us, close_us; /* close_us 0: not closed */
     double rate[BANDS];        /* r, relative variance per second */
     double mean_rate;
-    char ended_by[32]; /* "reference", "hold", "pause", "resume", "lamp" */
+    char ended_by[32];        /* "reference", "hold", "pause", "resume", "lamp" */
+    int64_t last_exposure_id; /* the last exposure taken before it ended */
+};
+
+struct exchange { /* one Modbus transaction; request and reply are the caller's memory */
+    int64_t id;
+    int64_t sent_us, done_us;
+    const char *link;
+    const void *request, *reply;
+    size_t request_size, reply_size;
+    int result;
+};
+
+struct session_summary {
+    int64_t n_exposures, n_points, n_final, n_brackets, n_estimates, n_events, n_exchanges;
+    int64_t first_us, last_us;         /* of the exposures; 0 when there is none */
+    int64_t first_utc_us, last_utc_us; /* microseconds since 1970 */
+    int user_version;
 };
 
 struct session;
@@ -120,6 +142,11 @@ int session_each_point(struct session *s, bool with_superseded, int (*seen)(void
                        void *arg, struct err *e);
 int session_each_bracket(struct session *s, int (*seen)(void *arg, const struct bracket *b), void *arg,
                          struct err *e);
+int session_each_exchange(struct session *s, int (*seen)(void *arg, const struct exchange *x), void *arg,
+                          struct err *e);
+int session_each_text(struct session *s, int (*seen)(void *arg, const char *key, const char *value),
+                      void *arg, struct err *e);
+int session_get_summary(struct session *s, struct session_summary *summary, struct err *e);
 int session_each_event(struct session *s,
                        int (*seen)(void *arg, int64_t us, const char *kind, const char *json), void *arg,
                        struct err *e);
@@ -129,9 +156,17 @@ int session_each_estimate(struct session *s,
 int session_last_estimate(struct session *s, struct estimate *m,
                           struct err *e); /* -ERR_STATE when there is none */
 
-/* Every table in key order as text (`gonioctl show S --dump`); the "same bytes" of design 3. */
-int session_dump(struct session *s, void *file, struct err *e);    /* file: FILE * */
+/* Every table in key order as text (`gonioctl show S --dump`); the "same bytes" of design 3. One line a row:
+ * table name, then column=value separated by tabs; numbers at 17 digits, tabs and line ends in text escaped.
+ */
+int session_dump(struct session *s, void *file, struct err *e);                          /* file: FILE * */
+int session_dump_table(struct session *s, const char *table, void *file, struct err *e); /* one of them */
 int session_copy(const char *from, const char *to, struct err *e); /* snapshot, also of a live one */
+/* Reads everything: structure, foreign keys, settled < start < end, the exposure of every point, the chains
+ * of superseded points. 0 with an empty list: sound. -ERR_INPUT: the list says what is wrong. */
 int session_verify(const char *path, struct err_list *found, struct err *e);
+/* The name of a file system on which a session must not be written (the log needs memory shared between
+ * processes), by its statfs magic; NULL = local. */
+const char *session_network_filesystem(unsigned long magic);
 
 #endif
