@@ -6,7 +6,8 @@
  * exception it is suspect: RTU keeps silent for quarantine_ms and drains, TCP closes and reconnects with a
  * back-off of 0.5, 1, 2 .. 10 s; meanwhile a request returns -ERR_BUSY or -ERR_LINK at once. An urgent
  * request (a stop order) is sent even in quarantine. On RTU a reply counts only when no byte waited before
- * the request and none arrives within gap_ms after it. A request is never repeated by the link.
+ * the request and none arrives within gap_ms after it (50 ms for two seconds after a lost reply, which may
+ * still come). A request is never repeated by the link.
  *
  * Errors     -ERR_TIMEOUT no reply; -ERR_LINK not connected; -ERR_BUSY in quarantine; -ERR_DEVICE the unit
  * answered with an exception (request->exception says which); -ERR_IO anything else. In each case regs are
