@@ -37,8 +37,10 @@ struct exposure { /* one set of scans in one state of the bench */
     int step;     /* index into the plan */
     int attempt;  /* 0 first; a shorter repeat of a saturated set is the next */
     enum exposure_kind kind;
-    int bracket;  /* counts from 1; 0 = belongs to none */
-    bool control; /* the reading of the bracket's control geometry that opens or closes it */
+    int bracket; /* counts from 1; 0 = belongs to none; of a control reading: the one it closes */
+    int opens; /* a control reading: the bracket it opens, 0 = none; the reading between n and n + 1 does both
+                */
+    bool control;                                  /* a reading of the brackets' control geometry */
     int32_t theta_i_udeg, theta_v_udeg;            /* nominal; theta_v > 0 on the mirror side */
     bool mirrored;                                 /* measured with both axes negated */
     int32_t source_udeg, sample_udeg, holder_udeg; /* readbacks */

@@ -28,6 +28,7 @@ struct session {
     struct kept_request request[SESSION_REQUESTS_KEPT];
 };
 
+extern const char *const SESSION_KINDS[EXPOSURE_KINDS];
 extern const char *const SESSION_TABLES[]; /* in the order of the dump; ends with NULL */
 int session_make_schema(struct store *store, struct err *e);
 /* Every add is all or nothing: inside the caller's transaction, or in one of its own. */

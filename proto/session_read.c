@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const KINDS[EXPOSURE_KINDS] = {"sample", "reference", "dark", "trap"};
-
 /* Walks the rows of sql; row() turns one into a struct and hands it on. */
 static int walk(struct session *s, const char *sql,
                 int (*row)(struct session *s, struct query *q, void *arg, struct err *e), void *arg,
@@ -109,7 +107,7 @@ struct exposure_walk {
 
 static int exposure_kind(const char *name) {
     for (int k = 0; k < EXPOSURE_KINDS; k++)
-        if (strcmp(KINDS[k], name) == 0)
+        if (strcmp(SESSION_KINDS[k], name) == 0)
             return k;
     return -1;
 }
@@ -124,6 +122,7 @@ static int exposure_row(struct session *s, struct query *q, void *arg, struct er
     kind = exposure_kind(query_text(q, at++));
     x.kind = (enum exposure_kind)kind;
     x.bracket = (int)query_int(q, at++);
+    x.opens = (int)query_int(q, at++);
     x.control = query_int(q, at++) != 0;
     x.theta_i_udeg = (int32_t)query_int(q, at++);
     x.theta_v_udeg = (int32_t)query_int(q, at++);

@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
+const char *const SESSION_KINDS[EXPOSURE_KINDS] = {"sample", "reference", "dark", "trap"};
+
 const char *const SESSION_TABLES[] = {
     "fact",
     "calibration",
@@ -33,7 +35,8 @@ static const char SCHEMA[] =
     " nonlinearity_7 REAL, nonlinearity_order INTEGER, nonlinearity_used INTEGER, saturation INTEGER,"
     " read_noise_counts REAL, electrons_per_count REAL);"
     "CREATE TABLE exposure (id INTEGER PRIMARY KEY, step INTEGER NOT NULL, attempt INTEGER NOT NULL,"
-    " kind TEXT NOT NULL, bracket INTEGER NOT NULL, control INTEGER NOT NULL, theta_i_udeg INTEGER NOT NULL,"
+    " kind TEXT NOT NULL, bracket INTEGER NOT NULL, opens INTEGER NOT NULL, control INTEGER NOT NULL, "
+    "theta_i_udeg INTEGER NOT NULL,"
     " theta_v_udeg INTEGER NOT NULL, mirrored INTEGER NOT NULL, source_udeg INTEGER NOT NULL,"
     " sample_udeg INTEGER NOT NULL, holder_udeg INTEGER NOT NULL, settled_us INTEGER NOT NULL,"
     " start_us INTEGER NOT NULL, end_us INTEGER NOT NULL, utc_us INTEGER NOT NULL, exposure_us INTEGER NOT "

@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-static const char *const KINDS[EXPOSURE_KINDS] = {"sample", "reference", "dark", "trap"};
-
 int session_enter(struct session *s, bool *own, struct err *e) {
     if (s->read_only)
         return err_set(e, ERR_STATE, "%s: is open for reading only", s->path);
@@ -101,15 +99,16 @@ static int write_exposure(struct session *s, struct exposure *x, struct err *e) 
     int rc = check_times(s, x, e);
     if (rc == 0)
         rc = store_query(s->store,
-                         "INSERT INTO exposure VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q,
-                         e);
+                         "INSERT INTO exposure VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
+                         &q, e);
     if (rc < 0)
         return rc;
     int at = 0;
     query_bind_int(q, at++, x->step);
     query_bind_int(q, at++, x->attempt);
-    query_bind_text(q, at++, KINDS[x->kind]);
+    query_bind_text(q, at++, SESSION_KINDS[x->kind]);
     query_bind_int(q, at++, x->bracket);
+    query_bind_int(q, at++, x->opens);
     query_bind_int(q, at++, x->control);
     query_bind_int(q, at++, x->theta_i_udeg);
     query_bind_int(q, at++, x->theta_v_udeg);

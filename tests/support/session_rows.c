@@ -13,6 +13,7 @@ void row_exposure(int n, struct exposure *x, uint16_t *counts) {
                            .attempt = n % 3,
                            .kind = EXPOSURE_SAMPLE,
                            .bracket = 1 + n / 10,
+                           .opens = n % 4,
                            .control = n % 2,
                            .theta_i_udeg = 10000000 + n,
                            .theta_v_udeg = -20000000 - n,

@@ -86,6 +86,7 @@ static int see_exposure(void *arg, const struct exposure *x) {
     assert_int_equal(got.step, want.step);
     assert_int_equal(got.attempt, want.attempt);
     assert_int_equal(got.bracket, want.bracket);
+    assert_int_equal(got.opens, want.opens);
     assert_int_equal(got.control, want.control);
     assert_int_equal(got.mirrored, want.mirrored);
     assert_int_equal(got.theta_i_udeg, want.theta_i_udeg);
