@@ -32,11 +32,8 @@ static double cosine_small(struct angle x) {
 
 static double sine_small(struct angle x) {
     double z = x.high * x.high;
-    double r =
-        -1.0 / 6 +
-        z * (1.0 / 120 +
-             z * (-1.0 / 5040 +
-                  z * (1.0 / 362880 + z * (-1.0 / 39916800 + z * (1.0 / 6227020800 - z / 1307674368000)))));
+    double r = z * (1.0 / 6227020800 + z * (-1.0 / 1307674368000 + z / 355687428096000));
+    r = -1.0 / 6 + z * (1.0 / 120 + z * (-1.0 / 5040 + z * (1.0 / 362880 + z * (-1.0 / 39916800 + r))));
     return x.high + (x.high * z * r + x.low * (1 - 0.5 * z));
 }
 
