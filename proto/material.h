@@ -4,7 +4,14 @@
  *
  * The one struct handed from estimation to session, status and rendering, with its JSON form (design 10).
  * kappa, q and the wavelength range travel with every parameter set. Standard uncertainties are totals unless
- * a name says otherwise. Checked    tests/unit/test_material.c
+ * a name says otherwise: std^2 = statistical + common, on the diagonal.
+ *
+ * Shapes     value[], at_bound[], ... and rows and columns of the covariances are indexed by enum
+ *            material_parameter; only those of the model (material_parameter_name is not NULL) have a
+ * meaning. JSON       matrices (correlation, covariance_statistical, covariance_common) have their rows in
+ * the order of "order"; the covariances, range and spectrum keep to the last bit what the rest shows in
+ * short. NaN is null, an infinite number the text "inf" or "-inf". Errors     estimate_from_json: -ERR_INPUT
+ * naming the key; *estimate is then unspecified. Checked    tests/unit/test_material.c
  */
 #ifndef PROTO_MATERIAL_H
 #define PROTO_MATERIAL_H
@@ -18,14 +25,20 @@
 #define MATERIAL_PARAMETERS 8
 #define MATERIAL_WARNINGS 12
 
-enum material_parameter { /* index into value[] and the covariance rows */
-                          MATERIAL_S,
-                          MATERIAL_SIGMA,
-                          MATERIAL_GAMMA,
-                          MATERIAL_BETA_PRIME,
-                          MATERIAL_N,
-                          MATERIAL_EXTRA_1, /* tail, n_d or gamma_2, as the model says */
-                          MATERIAL_EXTRA_2  /* beta_prime_2 */
+enum material_parameter {
+    MATERIAL_S,
+    MATERIAL_SIGMA,
+    MATERIAL_GAMMA,
+    MATERIAL_BETA_PRIME,
+    MATERIAL_N,
+    MATERIAL_EXTRA_1, /* tail, n_d or gamma_2, as the model says */
+    MATERIAL_EXTRA_2  /* beta_prime_2 */
+};
+
+struct material_gap { /* why a parameter is not identifiable, and the geometry that would tell it */
+    char why[160];
+    bool has_next;
+    double next_theta_i_deg, next_theta_v_deg;
 };
 
 struct estimate {
@@ -40,6 +53,7 @@ struct estimate {
     bool at_bound[MATERIAL_PARAMETERS];
     double limit_95[MATERIAL_PARAMETERS]; /* one-sided limit where at_bound */
     bool not_identifiable[MATERIAL_PARAMETERS];
+    struct material_gap gap[MATERIAL_PARAMETERS]; /* where not_identifiable */
     double kappa, q;
     int mean_low_nm, mean_high_nm;
     double chi2, bic, r2, median_relative_error, specular_energy;
@@ -51,8 +65,12 @@ struct estimate {
     char warning[MATERIAL_WARNINGS][160];
 };
 
-const char *material_parameter_name(const char *model, int index); /* "S", "sigma", ... "tail" */
-json_t *estimate_to_json(const struct estimate *estimate);
+/* "S", "sigma", ... "tail"; NULL where the model has no such parameter or there is no such model. */
+const char *material_parameter_name(const char *model, int index);
+json_t *estimate_to_json(const struct estimate *estimate); /* NULL when out of memory */
 int estimate_from_json(const json_t *json, struct estimate *estimate, struct err *e);
+/* The "parameters" object alone: {"S", "sigma", ..., "kappa", "q", "mean_nm"} into value, kappa, q and the
+ * wavelength range. estimate->model says which are required; kappa and q default to 1, mean_nm to 400-700. */
+int estimate_parameters_from_json(const json_t *parameters, struct estimate *estimate, struct err *e);
 
 #endif
