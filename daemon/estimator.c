@@ -1,0 +1,319 @@
+#include "daemon/estimator.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define PREFIX 4 /* uint32, little-endian: bytes of text that follow */
+
+extern char **environ;
+
+struct estimator {
+    struct bench *bench;
+    char program[PATH_MAX];
+    int deadline_s;
+    pid_t child; /* 0 = none */
+    int fd;      /* -1 = none */
+    int timer_fd;
+    int failures; /* in a row */
+    bool open;    /* a question is open */
+    estimator_answer *answer;
+    void *arg;
+    char *out;
+    size_t out_size, out_done;
+    char *in;
+    size_t in_size, in_capacity;
+};
+
+static void set_deadline(struct estimator *s, int seconds) {
+    struct itimerspec t = {.it_value = {.tv_sec = seconds}};
+    timerfd_settime(s->timer_fd, 0, &t, NULL);
+}
+
+static void end_child(struct estimator *s) {
+    if (s->fd >= 0)
+        close(s->fd);
+    s->fd = -1;
+    if (s->child > 0) {
+        kill(s->child, SIGKILL);
+        while (waitpid(s->child, NULL, 0) < 0 && errno == EINTR)
+            ;
+    }
+    s->child = 0;
+}
+
+static void clear_question(struct estimator *s) {
+    free(s->out);
+    s->out = NULL;
+    s->out_size = s->out_done = s->in_size = 0;
+    s->open = false;
+    set_deadline(s, 0);
+}
+
+static void give_up(struct estimator *s, const char *why) {
+    struct err e = {0};
+    err_set(&e, ERR_FIT, "%s %s: the measurement goes on without this estimate", s->program, why);
+    s->failures++;
+    end_child(s);
+    clear_question(s);
+    s->answer(s->arg, NULL, &e);
+}
+
+/* ---- the child ---- */
+
+static int spawn(struct estimator *s, int child_end) {
+    posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, child_end, STDIN_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, child_end, STDOUT_FILENO);
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setsigmask(&attributes, &none); /* goniod's threads block signals; the child must not */
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    char *argv[] = {s->program, "--serve", NULL};
+    int result = posix_spawn(&s->child, s->program, &actions, &attributes, argv, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
+    return result;
+}
+
+static int start_child(struct estimator *s, struct err *e) {
+    int end[2];
+    if (s->failures > ESTIMATOR_RESTARTS)
+        return err_set(e, ERR_FIT, "%s failed %d times in a row and is not started again", s->program,
+                       s->failures);
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, end) < 0) {
+        int saved = errno;
+        return err_errno(e, ERR_FIT, saved, "cannot make the socket to %s", s->program);
+    }
+    int failed = spawn(s, end[1]);
+    close(end[1]);
+    if (failed) {
+        close(end[0]);
+        s->child = 0;
+        s->failures++;
+        return err_errno(e, ERR_FIT, failed, "cannot start %s", s->program);
+    }
+    fcntl(end[0], F_SETFL, O_NONBLOCK);
+    s->fd = end[0];
+    return 0;
+}
+
+/* ---- the wire ---- */
+
+static void send_more(struct estimator *s) {
+    while (s->out_done < s->out_size) {
+        ssize_t n = send(s->fd, s->out + s->out_done, s->out_size - s->out_done, MSG_NOSIGNAL);
+        int saved = errno;
+        if (n < 0 && saved == EINTR)
+            continue;
+        if (n < 0 && saved != EAGAIN)
+            give_up(s, "ended while it was asked");
+        if (n < 0)
+            return;
+        s->out_done += n;
+    }
+}
+
+static size_t reply_size(const struct estimator *s) {
+    const unsigned char *p = (const unsigned char *)s->in;
+    return p[0] | p[1] << 8 | p[2] << 16 | (size_t)p[3] << 24;
+}
+
+static void deliver(struct estimator *s) {
+    json_error_t where;
+    json_t *reply = json_loadb(s->in + PREFIX, s->in_size - PREFIX, 0, &where);
+    if (!reply) {
+        give_up(s, "answered with something that is not JSON");
+        return;
+    }
+    s->failures = 0;
+    clear_question(s);
+    s->answer(s->arg, reply, NULL);
+    json_decref(reply);
+}
+
+/* How many bytes the reply still needs; 0 = complete. */
+static size_t reply_missing(struct estimator *s) {
+    if (s->in_size < PREFIX)
+        return PREFIX - s->in_size;
+    return PREFIX + reply_size(s) - s->in_size;
+}
+
+static bool make_room(struct estimator *s, size_t size) {
+    if (size <= s->in_capacity)
+        return true;
+    char *larger = size <= ESTIMATOR_REPLY_MAX ? realloc(s->in, size) : NULL;
+    if (!larger)
+        return false;
+    s->in = larger;
+    s->in_capacity = size;
+    return true;
+}
+
+static void receive_more(struct estimator *s) {
+    for (size_t missing; s->open && (missing = reply_missing(s)) > 0;) {
+        if (!make_room(s, s->in_size + missing)) {
+            give_up(s, "sent a reply too long to take");
+            return;
+        }
+        ssize_t n = recv(s->fd, s->in + s->in_size, missing, 0);
+        int saved = errno;
+        if (n < 0 && saved == EINTR)
+            continue;
+        if (n < 0 && saved == EAGAIN)
+            return;
+        if (n <= 0) {
+            give_up(s, "ended without an answer");
+            return;
+        }
+        s->in_size += n;
+    }
+    if (s->open)
+        deliver(s);
+}
+
+/* ---- the bench service ---- */
+
+static int64_t due_us(void *self) {
+    (void)self;
+    return CLOCK_NEVER;
+}
+
+static void run(void *self) {
+    struct estimator *s = self;
+    uint64_t expired = 0;
+    if (read(s->timer_fd, &expired, sizeof expired) > 0 && s->open) {
+        give_up(s, "did not answer in time");
+        return;
+    }
+    if (s->open)
+        send_more(s);
+    if (s->open)
+        receive_more(s);
+}
+
+bool estimator_idle(void *self) {
+    return !((struct estimator *)self)->open;
+}
+
+static bool outstanding(void *self) {
+    return ((struct estimator *)self)->open;
+}
+
+static int descriptors(void *self, struct pollfd *fd, int max) {
+    struct estimator *s = self;
+    if (!s->open || max < 2)
+        return 0;
+    short events = POLLIN | (s->out_done < s->out_size ? POLLOUT : 0);
+    fd[0] = (struct pollfd){.fd = s->fd, .events = events};
+    fd[1] = (struct pollfd){.fd = s->timer_fd, .events = POLLIN};
+    return 2;
+}
+
+/* ---- calls ---- */
+
+static int find_program(struct estimator *s, const char *program, struct err *e) {
+    const char *named = program ? program : getenv("GONIOFIT");
+    if (named && *named) {
+        snprintf(s->program, sizeof s->program, "%s", named);
+        return 0;
+    }
+    ssize_t n = readlink("/proc/self/exe", s->program, sizeof s->program - sizeof "goniofit");
+    int saved = errno;
+    if (n < 0)
+        return err_errno(e, ERR_IO, saved, "cannot find out where goniod is installed: set GONIOFIT");
+    s->program[n] = 0;
+    strcpy(strrchr(s->program, '/') + 1, "goniofit");
+    return 0;
+}
+
+int estimator_new(struct estimator **estimator, struct bench *bench, const char *program, int deadline_s,
+                  struct err *e) {
+    struct estimator *s = calloc(1, sizeof *s);
+    if (!s)
+        return err_set(e, ERR_NOMEM, "no memory for the estimator");
+    s->bench = bench;
+    s->fd = -1;
+    s->deadline_s = deadline_s ? deadline_s : ESTIMATOR_DEADLINE_S;
+    s->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    int saved = errno;
+    int result = s->timer_fd < 0 ? err_errno(e, ERR_IO, saved, "cannot make the estimator's timer")
+                                 : find_program(s, program, e);
+    struct bench_service service = {.name = "estimator",
+                                    .self = s,
+                                    .due_us = due_us,
+                                    .run = run,
+                                    .outstanding = outstanding,
+                                    .descriptors = descriptors};
+    if (result == 0)
+        result = bench_add(bench, &service);
+    if (result < 0) {
+        estimator_free(s);
+        return result;
+    }
+    *estimator = s;
+    return 0;
+}
+
+void estimator_free(struct estimator *s) {
+    if (!s)
+        return;
+    bench_remove(s->bench, s);
+    end_child(s);
+    if (s->timer_fd >= 0)
+        close(s->timer_fd);
+    free(s->out);
+    free(s->in);
+    free(s);
+}
+
+static int frame_request(struct estimator *s, char *request) {
+    size_t size = strlen(request);
+    s->out = realloc(request, size + PREFIX);
+    if (!s->out) {
+        free(request);
+        return -ERR_NOMEM;
+    }
+    memmove(s->out + PREFIX, s->out, size);
+    for (int i = 0; i < PREFIX; i++)
+        s->out[i] = (char)(size >> (8 * i));
+    s->out_size = size + PREFIX;
+    s->out_done = s->in_size = 0;
+    return 0;
+}
+
+int estimator_ask(struct estimator *s, char *request, estimator_answer *answer, void *arg, struct err *e) {
+    int result = s->open ? err_set(e, ERR_BUSY, "%s is still at the question before", s->program) : 0;
+    if (result == 0 && s->fd < 0)
+        result = start_child(s, e);
+    if (result < 0) {
+        free(request);
+        return result;
+    }
+    if (frame_request(s, request) < 0)
+        return err_set(e, ERR_NOMEM, "no memory for a question to %s", s->program);
+    s->open = true;
+    s->answer = answer;
+    s->arg = arg;
+    set_deadline(s, s->deadline_s);
+    return 0;
+}
+
+void estimator_forgive(struct estimator *s) {
+    s->failures = 0;
+}

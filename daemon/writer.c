@@ -1,0 +1,481 @@
+#include "daemon/writer.h"
+
+#include <assert.h>
+#include <errno.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "proto/units.h"
+
+#define EXCHANGE_AGE_REAL_US US_PER_S             /* design 4.5 */
+#define EXCHANGE_AGE_VIRTUAL_US (1000 * US_PER_S) /* the same second of the disk's time */
+
+enum record_kind {
+    RECORD_CREATE,
+    RECORD_OPEN,
+    RECORD_CLOSE,
+    RECORD_TEXT,
+    RECORD_CALIBRATION,
+    RECORD_EXPOSURE,
+    RECORD_POINT,
+    RECORD_BRACKET,
+    RECORD_ESTIMATE,
+    RECORD_EVENT,
+    RECORD_EXCHANGE,
+    RECORD_COMMIT,
+    RECORD_STOP
+};
+
+struct queued_exchange {
+    int64_t sent_us, done_us;
+    int result;
+    size_t request_size, reply_size;
+};
+
+/* One allocation: the record, then its object, then up to two byte strings. */
+struct record {
+    struct record *next;
+    enum record_kind kind;
+    int file;
+    int64_t ticket; /* 0 = none */
+    int64_t us, id;
+    size_t size;
+    char key[96];
+    void *object;
+    void *bytes;
+};
+
+struct file {
+    struct session *session; /* writer thread only */
+    bool in_transaction;     /* writer thread only */
+    bool used;               /* campaign thread only */
+    int64_t dirty_us; /* campaign thread: stamp of the oldest record not committed; CLOCK_NEVER = none */
+};
+
+struct writer {
+    struct bench *bench;
+    pthread_t thread;
+    pthread_mutex_t lock;
+    pthread_cond_t more;
+    struct record *first, **last;
+    atomic_size_t waiting_bytes;
+    atomic_int_least64_t done_ticket;
+    atomic_int failed;
+    struct err failure; /* under lock */
+    int64_t last_ticket;
+    int done_fd;
+    struct file file[WRITER_FILES];
+};
+
+/* ---- the writer thread ---- */
+
+static void fail(struct writer *w, const struct err *e) {
+    pthread_mutex_lock(&w->lock);
+    if (!w->failure.code)
+        w->failure = *e;
+    pthread_mutex_unlock(&w->lock);
+    atomic_store(&w->failed, 1);
+    for (int i = 0; i < WRITER_FILES; i++) {
+        if (w->file[i].in_transaction)
+            session_rollback(w->file[i].session);
+        w->file[i].in_transaction = false;
+    }
+}
+
+static int check_id(int64_t given, int64_t expected, struct err *e) {
+    if (given == expected)
+        return 0;
+    return err_set(e, ERR_IO,
+                   "row %lld was written as number %lld: is another program writing to this session?",
+                   (long long)expected, (long long)given);
+}
+
+static int write_exchange(struct session *s, const struct record *r, struct err *e) {
+    const struct queued_exchange *x = r->object;
+    const char *reply = (const char *)r->bytes + x->request_size;
+    return session_add_exchange(s, x->sent_us, x->done_us, r->key, r->bytes, x->request_size, reply,
+                                x->reply_size, x->result, e);
+}
+
+static int write_row(struct session *s, struct record *r, struct err *e) {
+    int result = 0;
+    switch (r->kind) {
+    case RECORD_TEXT:
+        return session_set_text(s, r->key, r->bytes, e);
+    case RECORD_CALIBRATION:
+        return session_set_calibration(s, r->object, e);
+    case RECORD_EXPOSURE:
+        ((struct exposure *)r->object)->counts = r->bytes;
+        result = session_add_exposure(s, r->object, e);
+        return result < 0 ? result : check_id(((struct exposure *)r->object)->id, r->id, e);
+    case RECORD_POINT:
+        result = session_add_point(s, r->object, e);
+        return result < 0 ? result : check_id(((struct point *)r->object)->id, r->id, e);
+    case RECORD_BRACKET:
+        return session_add_bracket(s, r->object, e);
+    case RECORD_ESTIMATE:
+        return session_add_estimate(s, r->us, r->id, r->object, e);
+    case RECORD_EVENT:
+        return session_add_event(s, r->us, r->key, r->bytes, e);
+    case RECORD_EXCHANGE:
+        return write_exchange(s, r, e);
+    default:
+        return 0;
+    }
+}
+
+static int write_in_transaction(struct file *f, struct record *r, struct err *e) {
+    if (!f->in_transaction) {
+        int result = session_begin(f->session, e);
+        if (result < 0)
+            return result;
+        f->in_transaction = true;
+    }
+    return write_row(f->session, r, e);
+}
+
+static int commit(struct file *f, struct err *e) {
+    if (!f->in_transaction)
+        return 0;
+    int result = session_commit(f->session, e);
+    if (result == 0)
+        f->in_transaction = false;
+    return result;
+}
+
+static int close_file(struct file *f, bool failed, struct err *e) {
+    if (!f->session)
+        return 0;
+    if (failed && f->in_transaction)
+        session_rollback(f->session);
+    int result = failed ? 0 : commit(f, e);
+    struct err ignored = {0};
+    int closed = session_close(f->session, result < 0 || failed ? &ignored : e);
+    f->session = NULL;
+    f->in_transaction = false;
+    return failed ? 0 : result < 0 ? result : closed;
+}
+
+static void execute(struct writer *w, struct record *r) {
+    struct file *f = &w->file[r->file];
+    struct err e = {0};
+    bool failed = atomic_load(&w->failed);
+    int result = 0;
+    if (r->kind == RECORD_CLOSE)
+        result = close_file(f, failed, &e);
+    else if (failed)
+        return;
+    else if (r->kind == RECORD_CREATE)
+        result = session_create(&f->session, r->bytes, &e);
+    else if (r->kind == RECORD_OPEN)
+        result = session_open(&f->session, r->bytes, false, &e);
+    else if (r->kind == RECORD_COMMIT)
+        result = commit(f, &e);
+    else
+        result = write_in_transaction(f, r, &e);
+    if (result < 0)
+        fail(w, &e);
+}
+
+static struct record *next_record(struct writer *w) {
+    pthread_mutex_lock(&w->lock);
+    while (!w->first)
+        pthread_cond_wait(&w->more, &w->lock);
+    struct record *r = w->first;
+    w->first = r->next;
+    if (!w->first)
+        w->last = &w->first;
+    pthread_mutex_unlock(&w->lock);
+    return r;
+}
+
+static void *writer_thread(void *arg) {
+    struct writer *w = arg;
+    for (bool going = true; going;) {
+        struct record *r = next_record(w);
+        going = r->kind != RECORD_STOP;
+        if (going)
+            execute(w, r);
+        atomic_fetch_sub(&w->waiting_bytes, r->size);
+        if (r->ticket) {
+            atomic_store(&w->done_ticket, r->ticket);
+            uint64_t one = 1;
+            ssize_t ignored = write(w->done_fd, &one, sizeof one);
+            (void)ignored;
+        }
+        free(r);
+    }
+    return NULL;
+}
+
+/* ---- the bench service ---- */
+
+static int64_t exchange_age_us(const struct writer *w) {
+    return w->bench->clock->is_virtual ? EXCHANGE_AGE_VIRTUAL_US : EXCHANGE_AGE_REAL_US;
+}
+
+static int64_t due_us(void *self) {
+    struct writer *w = self;
+    int64_t due = CLOCK_NEVER;
+    for (int i = 0; i < WRITER_FILES; i++)
+        if (w->file[i].dirty_us != CLOCK_NEVER && w->file[i].dirty_us + exchange_age_us(w) < due)
+            due = w->file[i].dirty_us + exchange_age_us(w);
+    return due;
+}
+
+static void run(void *self) {
+    struct writer *w = self;
+    uint64_t count;
+    ssize_t ignored = read(w->done_fd, &count, sizeof count);
+    (void)ignored;
+    int64_t now = clock_now_us(w->bench->clock);
+    for (int i = 0; i < WRITER_FILES; i++)
+        if (w->file[i].dirty_us != CLOCK_NEVER && w->file[i].dirty_us + exchange_age_us(w) <= now)
+            writer_commit(w, i);
+}
+
+bool writer_idle(void *self) {
+    const struct writer *w = self;
+    return writer_durable(w, w->last_ticket);
+}
+
+static bool outstanding(void *self) {
+    return !writer_idle(self);
+}
+
+static int descriptors(void *self, struct pollfd *fd, int max) {
+    struct writer *w = self;
+    if (max < 1)
+        return 0;
+    fd[0] = (struct pollfd){.fd = w->done_fd, .events = POLLIN};
+    return 1;
+}
+
+/* ---- the campaign's side ---- */
+
+int writer_start(struct writer **writer, struct bench *bench, struct err *e) {
+    struct writer *w = calloc(1, sizeof *w);
+    if (!w)
+        return err_set(e, ERR_NOMEM, "no memory for the writer");
+    w->bench = bench;
+    w->last = &w->first;
+    pthread_mutex_init(&w->lock, NULL);
+    pthread_cond_init(&w->more, NULL);
+    for (int i = 0; i < WRITER_FILES; i++)
+        w->file[i].dirty_us = CLOCK_NEVER;
+    w->done_fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    int saved = errno;
+    if (w->done_fd < 0) {
+        free(w);
+        return err_errno(e, ERR_IO, saved, "cannot make the writer's event descriptor");
+    }
+    saved = pthread_create(&w->thread, NULL, writer_thread, w);
+    if (saved) {
+        close(w->done_fd);
+        free(w);
+        return err_errno(e, ERR_IO, saved, "cannot start the writer thread");
+    }
+    struct bench_service service = {.name = "writer",
+                                    .self = w,
+                                    .due_us = due_us,
+                                    .run = run,
+                                    .outstanding = outstanding,
+                                    .descriptors = descriptors};
+    bench_add(bench, &service);
+    *writer = w;
+    return 0;
+}
+
+/* A copy of the object and the bytes in one piece with the record; NULL when memory is out, which is a
+ * failure of the writer like any other. */
+static struct record *record_new(struct writer *w, enum record_kind kind, int file, const void *object,
+                                 size_t object_size, size_t bytes_size) {
+    size_t aligned = (object_size + 15) & ~(size_t)15;
+    struct record *r = malloc(sizeof *r + aligned + bytes_size);
+    if (!r) {
+        struct err e = {0};
+        err_set(&e, ERR_NOMEM, "no memory for what has to be written");
+        pthread_mutex_lock(&w->lock);
+        if (!w->failure.code)
+            w->failure = e;
+        pthread_mutex_unlock(&w->lock);
+        atomic_store(&w->failed, 1);
+        return NULL;
+    }
+    *r = (struct record){.kind = kind, .file = file, .size = sizeof *r + aligned + bytes_size};
+    r->object = r + 1;
+    r->bytes = (char *)r->object + aligned;
+    if (object_size)
+        memcpy(r->object, object, object_size);
+    return r;
+}
+
+static void push(struct writer *w, struct record *r) {
+    if (!r)
+        return;
+    atomic_fetch_add(&w->waiting_bytes, r->size);
+    struct file *f = &w->file[r->file];
+    bool row = r->kind >= RECORD_TEXT && r->kind <= RECORD_EXCHANGE;
+    if (row && f->dirty_us == CLOCK_NEVER)
+        f->dirty_us = clock_now_us(w->bench->clock);
+    pthread_mutex_lock(&w->lock);
+    *w->last = r;
+    w->last = &r->next;
+    pthread_cond_signal(&w->more);
+    pthread_mutex_unlock(&w->lock);
+}
+
+static int64_t push_ticket(struct writer *w, enum record_kind kind, int file) {
+    struct record *r = record_new(w, kind, file, NULL, 0, 0);
+    if (!r)
+        return 0;
+    r->ticket = ++w->last_ticket;
+    w->file[file].dirty_us = CLOCK_NEVER;
+    push(w, r);
+    return w->last_ticket;
+}
+
+static struct record *record_text(struct writer *w, enum record_kind kind, int file, const char *key,
+                                  const char *text) {
+    struct record *r = record_new(w, kind, file, NULL, 0, strlen(text) + 1);
+    if (!r)
+        return NULL;
+    memcpy(r->bytes, text, strlen(text) + 1);
+    strncpy(r->key, key, sizeof r->key - 1);
+    return r;
+}
+
+static int begin_file(struct writer *w, enum record_kind kind, const char *path, int *file, struct err *e) {
+    for (int i = 0; i < WRITER_FILES; i++) {
+        if (w->file[i].used)
+            continue;
+        w->file[i].used = true;
+        *file = i;
+        push(w, record_text(w, kind, i, "", path));
+        return 0;
+    }
+    return err_set(e, ERR_RANGE, "more than %d sessions at once: split the job", WRITER_FILES);
+}
+
+int writer_create(struct writer *w, const char *path, int *file, struct err *e) {
+    return begin_file(w, RECORD_CREATE, path, file, e);
+}
+
+int writer_open(struct writer *w, const char *path, int *file, struct err *e) {
+    return begin_file(w, RECORD_OPEN, path, file, e);
+}
+
+int64_t writer_close(struct writer *w, int file) {
+    return push_ticket(w, RECORD_CLOSE, file);
+}
+
+void writer_stop(struct writer *w) {
+    if (!w)
+        return;
+    for (int i = 0; i < WRITER_FILES; i++)
+        if (w->file[i].used)
+            writer_close(w, i);
+    struct record *stop = record_new(w, RECORD_STOP, 0, NULL, 0, 0);
+    assert(stop);
+    push(w, stop);
+    pthread_join(w->thread, NULL);
+    bench_remove(w->bench, w);
+    close(w->done_fd);
+    pthread_mutex_destroy(&w->lock);
+    pthread_cond_destroy(&w->more);
+    free(w);
+}
+
+void writer_text(struct writer *w, int file, const char *key, const char *text) {
+    push(w, record_text(w, RECORD_TEXT, file, key, text));
+}
+
+void writer_event(struct writer *w, int file, int64_t now_us, const char *kind, const char *json) {
+    struct record *r = record_text(w, RECORD_EVENT, file, kind, json);
+    if (r)
+        r->us = now_us;
+    push(w, r);
+}
+
+void writer_calibration(struct writer *w, int file, const struct calibration *c) {
+    push(w, record_new(w, RECORD_CALIBRATION, file, c, sizeof *c, 0));
+}
+
+void writer_exposure(struct writer *w, int file, const struct exposure *x) {
+    size_t size = (size_t)x->n_scans * x->pixels * sizeof *x->counts;
+    struct record *r = record_new(w, RECORD_EXPOSURE, file, x, sizeof *x, size);
+    if (!r)
+        return;
+    memcpy(r->bytes, x->counts, size);
+    r->id = x->id;
+    push(w, r);
+}
+
+void writer_point(struct writer *w, int file, const struct point *p) {
+    struct record *r = record_new(w, RECORD_POINT, file, p, sizeof *p, 0);
+    if (r)
+        r->id = p->id;
+    push(w, r);
+}
+
+void writer_bracket(struct writer *w, int file, const struct bracket *b) {
+    push(w, record_new(w, RECORD_BRACKET, file, b, sizeof *b, 0));
+}
+
+void writer_estimate(struct writer *w, int file, int64_t now_us, int64_t last_point_id,
+                     const struct estimate *m) {
+    struct record *r = record_new(w, RECORD_ESTIMATE, file, m, sizeof *m, 0);
+    if (r) {
+        r->us = now_us;
+        r->id = last_point_id;
+    }
+    push(w, r);
+}
+
+void writer_exchange(struct writer *w, int file, int64_t sent_us, int64_t done_us, const char *link,
+                     const void *request, size_t request_size, const void *reply, size_t reply_size,
+                     int result) {
+    struct queued_exchange x = {sent_us, done_us, result, request_size, reply_size};
+    struct record *r = record_new(w, RECORD_EXCHANGE, file, &x, sizeof x, request_size + reply_size);
+    if (!r)
+        return;
+    memcpy(r->bytes, request, request_size);
+    memcpy((char *)r->bytes + request_size, reply, reply_size);
+    strncpy(r->key, link, sizeof r->key - 1);
+    push(w, r);
+}
+
+int64_t writer_commit(struct writer *w, int file) {
+    return push_ticket(w, RECORD_COMMIT, file);
+}
+
+int64_t writer_commit_all(struct writer *w) {
+    for (int i = 0; i < WRITER_FILES; i++)
+        if (w->file[i].used && w->file[i].dirty_us != CLOCK_NEVER)
+            writer_commit(w, i);
+    return w->last_ticket;
+}
+
+bool writer_durable(const struct writer *w, int64_t ticket) {
+    return atomic_load(&w->done_ticket) >= ticket;
+}
+
+bool writer_has_room(void *self) {
+    struct writer *w = self;
+    return atomic_load(&w->waiting_bytes) < WRITER_BYTES_MAX;
+}
+
+int writer_failure(struct writer *w, struct err *e) {
+    if (!atomic_load(&w->failed))
+        return 0;
+    pthread_mutex_lock(&w->lock);
+    struct err first = w->failure;
+    pthread_mutex_unlock(&w->lock);
+    if (e && !e->code)
+        *e = first;
+    return -first.code;
+}
