@@ -24,6 +24,9 @@
 #include "proto/bands.h"
 #include "proto/err.h"
 
+#define SIM_AXES 4
+#define SIM_POSITIONS 8
+
 enum sim_filling { SIM_VIEW_IN_BEAM, SIM_BEAM_IN_VIEW };
 
 struct sim_surface {
@@ -36,27 +39,41 @@ struct sim_surface {
 struct sim_axis_config {
     char role[16]; /* source, sample, holder */
     int unit;
+    int direction;     /* +1 or -1; 0 means +1. User position = direction * raw - zero */
     double zero_deg;   /* what the config says of the zero */
     double u_zero_deg; /* the true zero is drawn from it */
     double u_repeat_deg, lost_motion_deg;
-    double speed_deg_s, accel_deg_s2;
-    int watchdog_ms; /* 0 = off */
-    bool mute;       /* the unit answers nothing */
+    double speed_deg_s, accel_deg_s2;       /* of a home; a move brings its own */
+    int watchdog_ms;                        /* 0 = off */
+    bool mute;                              /* the unit answers nothing */
+    bool no_coordinates;                    /* home was never set: an absolute move ends in alarm 4Ah */
+    double switch_low_deg, switch_high_deg; /* limit switches, raw; equal = none */
+};
+
+struct sim_position { /* of the holder, user coordinates */
+    char name[32];
+    double deg;
 };
 
 struct sim_config {
     uint64_t seed;
     char spectrometer[24]; /* usb2000plus | usb4000 */
     char serial[24];
+#define SIM_AXES 4
+#define SIM_POSITIONS 8
+
     enum sim_filling filling;
     double beam_mm, view_mm;
     double lamp_drift_rate; /* relative variance per second */
     double lamp_warm_up_min;
-    double stray_light;       /* share of the mean signal */
+    double stray_light; /* of the spectrometer: share of the mean signal on every pixel */
+    double halo;        /* of the bench: light past the surface, share of a white one at normal incidence */
     double certificate_u_rel; /* common factor of the diffuser against its certificate */
     bool quiet;               /* no noise, no drift, no draws: for exact tests */
     int n_axes;
-    struct sim_axis_config axis[4];
+    struct sim_axis_config axis[SIM_AXES];
+    int n_positions; /* "reference" holds the diffuser, "trap" nothing that reflects */
+    struct sim_position position[SIM_POSITIONS];
 };
 
 struct sim_bench;
@@ -69,6 +86,13 @@ void sim_bench_free(struct sim_bench *bench);
  * built in. */
 int sim_bench_mount(struct sim_bench *bench, const char *holder_position, const struct sim_surface *surface,
                     struct err *e);
+/* Without a holder axis a person puts a position into the beam; without a sample (or source) axis a person
+ * turns it to a user angle. -ERR_INPUT: no such position or role. */
+int sim_bench_hold(struct sim_bench *bench, const char *holder_position, struct err *e);
+int sim_bench_turn(struct sim_bench *bench, const char *role, double user_deg, struct err *e);
+/* Where an axis truly stands now: user coordinates against the true zero, gear and repeatability included.
+ * For tests and for the demo's table; nothing of goniod may see it. */
+double sim_bench_true_deg(const struct sim_bench *bench, const char *role);
 /* Visit counts of a session that is resumed, so that noise goes on where it stood. */
 void sim_bench_set_visits(struct sim_bench *bench, const char *holder_position, int32_t source_udeg,
                           int32_t sample_udeg, int exposure_us, bool lamp, int visits);
