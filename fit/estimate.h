@@ -1,12 +1,21 @@
 /*
  * estimate.h — the material parameters that explain a set of radiance factors, with their uncertainty.
  *
- * Weighted least squares of the visible means (weights from u_ind and the independent angle part), bounds of
- * measurement.md 10, q from S(lambda) in two passes, covariance H V H^T in a statistical and a common part.
- * Too few angles, or angles that cannot tell a parameter, are an answer (estimate.refusal, not_identifiable),
- * not an error. C face of fit/estimate.cc (Ceres); every entry catches all exceptions. Errors     -ERR_RANGE
- * an angle or value outside the domain; -ERR_FIT the solver failed, with its reason. Checked
- * tests/unit/test_estimate.c
+ * Weighted least squares of the visible means: weights from u_ind and the independent angle part, recomputed
+ * from the model once; bounds of measurement.md 10; q from S(lambda) in two passes; covariance H V H^T with
+ * H = (J^T W J)^-1 J^T W, in a statistical part (u_ind, axis repeatability, drift) and a common part (named
+ * common causes, axis zeros). Too few angles, or angles that cannot tell a parameter, are an answer
+ * (estimate.refusal, estimate.not_identifiable), not an error.
+ *
+ * Shapes     n points; band arrays are [n * BANDS], row by row, NaN = missing. A common cause or a bracket
+ *            names the points it touches by index; NULL means all points in order.
+ * Units      degrees; u_* are standard uncertainties; drift: relative variance per second, microseconds.
+ * Domain     |theta| < 90 deg; beta finite, of any sign; u_ind finite, >= 0 (values under 1e-5 beta + 1e-7
+ *            are raised to it). u_ind NULL: unweighted, uncertainty from the scatter, and a warning says so.
+ * Errors     -ERR_RANGE an angle or value outside the domain (the sentence names the point); -ERR_USAGE an
+ *            unknown model; -ERR_FIT the solver failed, with its reason; -ERR_NOMEM. Never aborts.
+ * Source     measurement.md 3, 5, 6, 8, 10; reflection-model.md 3.
+ * Checked    tests/unit/test_estimate.c, test_estimate_input.c
  */
 #ifndef FIT_ESTIMATE_H
 #define FIT_ESTIMATE_H
@@ -17,32 +26,67 @@
 #include "proto/err.h"
 #include "proto/material.h"
 
-#define ESTIMATE_COMMON_MAX 4096
+#ifdef __cplusplus
+extern "C" {
+#endif
 
-struct estimate_common { /* one common cause over all points: change of the mean for one standard uncertainty
-                          */
-    double *sensitivity; /* [n] */
-    const double *band_sensitivity; /* [n * BANDS] or NULL */
+struct estimate_common { /* one cause; the signed change of beta for one standard uncertainty of it */
+    size_t n;
+    const int *point;    /* [n] or NULL: all points, n ignored */
+    const double *mean;  /* [n] of the visible mean */
+    const double *bands; /* [n * BANDS], or NULL: in proportion to the mean's */
+};
+
+struct estimate_bracket { /* drift between two reference readings (measurement.md 3) */
+    size_t n;
+    const int *point;       /* [n] or NULL: all points, n ignored */
+    const double *tau_us;   /* [n] sample reading since the bracket opened */
+    const double *tau_r_us; /* [n] reference reading it was divided by, or NULL: the opening one (0) */
+    double length_us;       /* <= 0: not closed yet */
+    double rate;            /* r, relative variance per second */
+};
+
+struct estimate_step { /* one iteration of the solver, over all passes */
+    double t_us, cost;
+};
+
+#define ESTIMATE_TRACE_MAX 128
+struct estimate_trace {
+    size_t n;
+    struct estimate_step step[ESTIMATE_TRACE_MAX];
 };
 
 struct estimate_input {
     size_t n;
     const double *theta_i_deg, *theta_v_deg; /* [n] */
-    const double *beta, *u_ind;              /* [n] visible mean */
-    const double *band_beta, *band_u_ind;    /* [n * BANDS] or NULL; NaN = missing */
+    const bool *mirrored;                    /* [n] both axes negated, or NULL: none */
+    const double *beta, *u_ind;              /* [n] visible mean; u_ind may be NULL */
+    const double *band_beta, *band_u_ind;    /* [n * BANDS] or NULL */
     size_t n_common;
     const struct estimate_common *common;
-    const double *drift_cov; /* [n * n] covariance of the drift of the means, or NULL */
+    size_t n_bracket;
+    const struct estimate_bracket *bracket;
     double u_repeat_source_deg, u_repeat_sample_deg; /* independent per move */
     double u_zero_source_deg, u_zero_sample_deg;     /* common */
-    double kappa;
-    bool q_is_one;   /* the paper's own use */
-    bool unweighted; /* the paper's Eq. 6 */
+    double kappa;                                    /* 1, or pi for the paper's printed form */
+    bool q_is_one;                                   /* the paper's own use */
+    bool unweighted;                                 /* the paper's Eq. 6 */
     bool any_provisional;
     int mean_low_nm, mean_high_nm;
-    const char *model; /* lambert | oren-nayar | eq1 | composite */
+    const char *model;            /* lambert | oren-nayar | eq1 | composite */
+    struct estimate_trace *trace; /* filled where not NULL */
 };
 
 int estimate_fit(const struct estimate_input *input, struct estimate *estimate, struct err *e);
+
+/* d beta / d axis per degree at n geometries, for the source and for the sample axis (theta_v = sample,
+ * theta_i = source - sample; mirrored: both negated). */
+int estimate_axis_slopes(const struct estimate *estimate, size_t n, const double *theta_i_deg,
+                         const double *theta_v_deg, const bool *mirrored, double *source, double *sample,
+                         struct err *e);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

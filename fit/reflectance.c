@@ -131,12 +131,8 @@ void reflectance_diffuse_factors(const struct reflectance_geometry *g, double si
     *l2 = r.j.value * g->interreflection;
 }
 
-struct fresnel {
-    double value, slope; /* slope = dF / dn */
-};
-
-static struct fresnel fresnel_of(const struct reflectance_geometry *g, double n) {
-    double n2_1 = (n - 1) * (n + 1), c = g->cos_q, s2 = g->sin2_q;
+double reflectance_fresnel(double cos_q, double sin2_q, double n, double *slope) {
+    double n2_1 = (n - 1) * (n + 1), c = cos_q, s2 = sin2_q;
     double root = sqrt(n2_1 + c * c), sum = root + c, cr = c * root;
     double r = n2_1 / (sum * sum), rs = r * r;
     double t = (cr - s2) / (cr + s2);
@@ -144,7 +140,8 @@ static struct fresnel fresnel_of(const struct reflectance_geometry *g, double n)
      */
     double rs_slope = 4 * n * c * r / (root * sum * sum);
     double t_slope = 2 * s2 * c * (n / root) / ((cr + s2) * (cr + s2));
-    return (struct fresnel){0.5 * rs * (1 + t * t), 0.5 * rs_slope * (1 + t * t) + rs * t * t_slope};
+    *slope = 0.5 * rs_slope * (1 + t * t) + rs * t * t_slope;
+    return 0.5 * rs * (1 + t * t);
 }
 
 /* One row of the specular term: its value and, where asked for, d/dgamma, d/dbeta', d/dn. */
@@ -152,13 +149,13 @@ static double specular_of(const struct reflectance_geometry *g, const double *va
     double gamma = value[MATERIAL_GAMMA], amplitude = value[MATERIAL_BETA_PRIME];
     double widths = g->phi_rad / gamma, log_d = -M_LN2 * widths * widths;
     double lobe = exp(log_d) * g->visibility;
-    struct fresnel f = fresnel_of(g, value[MATERIAL_N]);
-    double unit = lobe * f.value;
+    double f_slope, f = reflectance_fresnel(g->cos_q, g->sin2_q, value[MATERIAL_N], &f_slope);
+    double unit = lobe * f;
     if (slope) {
         slope[0] =
             unit > 0 ? amplitude * unit * (-2 * log_d / gamma) : 0; /* exp reached 0: so has its slope */
         slope[1] = unit;
-        slope[2] = amplitude * lobe * f.slope;
+        slope[2] = amplitude * lobe * f_slope;
     }
     return amplitude * unit;
 }

@@ -66,6 +66,8 @@ int reflectance_eval_parts(enum reflectance_model model, const struct reflectanc
                            struct err *e);
 /* The diffuse part of a composite or Oren-Nayar surface is S l1 + kappa q S^2 l2. */
 void reflectance_diffuse_factors(const struct reflectance_geometry *g, double sigma, double *l1, double *l2);
+/* Unpolarised reflectance of a facet; slope is d / dn. */
+double reflectance_fresnel(double cos_q, double sin2_q, double n, double *slope);
 
 #ifdef __cplusplus
 }

@@ -16,6 +16,10 @@
 
 #include <stddef.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum err_code {
     ERR_NONE = 0,
     ERR_USAGE,      /* the command line or an argument of a call                    -> exit status 2 */
@@ -62,5 +66,9 @@ const char *err_format(const struct err *e, char *buffer, size_t size);
 
 int err_list_add(struct err_list *list, const struct err *e); /* -ERR_NOMEM or 0 */
 void err_list_free(struct err_list *list);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

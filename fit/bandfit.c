@@ -1,0 +1,121 @@
+#include "fit/bandfit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define POINTS_MIN 3 /* a band of fewer points says nothing of S beyond their noise */
+
+double bandfit_variance(const struct problem *p, size_t point, int band) {
+    double floor_u = 1e-5 * fabs(p->input->band_beta[point * BANDS + (size_t)band]) + 1e-7;
+    double u = p->input->band_u_ind ? fmax(p->input->band_u_ind[point * BANDS + (size_t)band], floor_u)
+                                    : p->u[point];
+    return u * u + p->angle_u2[point]; /* the lobe is achromatic: the mean's angle part serves */
+}
+
+size_t bandfit_weights(struct bandfit *f, const struct problem *p, int band) {
+    size_t count = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        double beta = p->input->band_beta[i * BANDS + (size_t)band], variance = bandfit_variance(p, i, band);
+        bool present = isfinite(beta) && isfinite(variance);
+        f->weight[i] = !present ? 0 : p->input->unweighted ? 1 : 1 / variance;
+        count += present;
+    }
+    return count;
+}
+
+/* Gauss-Newton from the linear solution: the quadratic part is a few per cent, four steps reach the last
+ * bits. */
+static double solve_band(const struct bandfit *f, const struct problem *p, int band, double *variance) {
+    double s = 0, spread = 0;
+    for (int step = 0; step < 5; step++) {
+        double jj = 0, jr = 0;
+        spread = 0;
+        for (size_t i = 0; i < p->n; i++) {
+            if (f->weight[i] == 0) {
+                continue;
+            }
+            const struct bandfit_point *x = &f->point[i];
+            double slope = x->l1 + 2 * s * x->l2;
+            double rest =
+                p->input->band_beta[i * BANDS + (size_t)band] - x->specular - s * x->l1 - s * s * x->l2;
+            double ws = f->weight[i] * slope;
+            jj += ws * slope;
+            jr += ws * rest;
+            spread += ws * ws * bandfit_variance(p, i, band);
+        }
+        if (!(jj > 0)) {
+            return NAN;
+        }
+        s += jr / jj;
+        *variance = spread / (jj * jj);
+    }
+    return s;
+}
+
+static int prepare_points(struct bandfit *f, const struct problem *p, const double *value, struct err *e) {
+    double unit[MATERIAL_PARAMETERS], beta, direct[COORDINATES_MAX] = {0}, whole[COORDINATES_MAX] = {0};
+    memcpy(unit, value, sizeof unit);
+    unit[MATERIAL_S] = 1;
+    bool rough = p->k > 1 && reflectance_parameter(p->model, 1) == MATERIAL_SIGMA;
+    for (size_t i = 0; i < p->n; i++) {
+        struct reflectance_parts parts;
+        const struct reflectance_geometry *g = &p->geometry[i];
+        int status = reflectance_eval_parts(p->model, g, unit, p->kappa, 1, &parts, e);
+        if (status || (status = reflectance_eval(p->model, 1, g, unit, p->kappa, 0, &beta, direct, e)) ||
+            (status = reflectance_eval(p->model, 1, g, unit, p->kappa, 1, &beta, whole, e))) {
+            return status;
+        }
+        f->point[i] = (struct bandfit_point){.l1 = parts.diffuse,
+                                             .l2 = parts.interreflection,
+                                             .specular = parts.specular,
+                                             .l1_slope = rough ? direct[1] : 0,
+                                             .l2_slope = rough ? whole[1] - direct[1] : 0};
+    }
+    return 0;
+}
+
+int bandfit_run(struct bandfit *f, const struct problem *p, const double *value, struct err *e) {
+    f->point = calloc(p->n + 1, sizeof *f->point);
+    f->weight = calloc(p->n + 1, sizeof(double));
+    if (!f->point || !f->weight) {
+        bandfit_free(f);
+        return err_set(e, ERR_NOMEM, "no memory for the spectrum of %zu points", p->n);
+    }
+    int status = prepare_points(f, p, value, e);
+    if (status) {
+        bandfit_free(f);
+        return status;
+    }
+    for (int band = 0; band < BANDS; band++) {
+        f->s[band] = NAN;
+        f->variance[band] = 0;
+        if (bandfit_weights(f, p, band) >= POINTS_MIN) {
+            f->s[band] = solve_band(f, p, band, &f->variance[band]);
+        }
+    }
+    return 0;
+}
+
+void bandfit_free(struct bandfit *f) {
+    free(f->point);
+    free(f->weight);
+    f->point = NULL;
+    f->weight = NULL;
+}
+
+double bandfit_q(const struct bandfit *f, int low_nm, int high_nm) {
+    double sum = 0, square = 0;
+    int n = 0;
+    for (int band = 0; band < BANDS; band++) {
+        if (isfinite(f->s[band]) && band_nm(band) >= low_nm && band_nm(band) <= high_nm) {
+            sum += f->s[band];
+            square += f->s[band] * f->s[band] - f->variance[band]; /* noise must not pass for colour */
+            n++;
+        }
+    }
+    if (n == 0 || sum <= 0) {
+        return 1;
+    }
+    return fmin(fmax(1, square * n / (sum * sum)), n); /* n: all of it in one band */
+}

@@ -1,0 +1,252 @@
+#include "fit/problem.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define BETA_MAX 1e12 /* far above any lobe (beta' 1e6 at grazing); keeps squares finite */
+#define FLOOR_RELATIVE                                                                                       \
+    1e-5 /* no visible mean is known better: counting alone leaves 1e-4 (measurement.md 6) */
+#define FLOOR_ABSOLUTE 1e-7
+
+static int check_point(const struct estimate_input *in, size_t i, struct err *e) {
+    if (!(fabs(in->beta[i]) <= BETA_MAX)) {
+        return err_set(
+            e, ERR_RANGE,
+            "point %zu (incidence %g deg, viewing %g deg): radiance factor %g is not a number below "
+            "1e12; leave the point out",
+            i + 1, in->theta_i_deg[i], in->theta_v_deg[i], in->beta[i]);
+    }
+    if (in->u_ind && !(in->u_ind[i] >= 0 && in->u_ind[i] <= BETA_MAX)) {
+        return err_set(e, ERR_RANGE,
+                       "point %zu (incidence %g deg, viewing %g deg): uncertainty %g must be a number >= 0",
+                       i + 1, in->theta_i_deg[i], in->theta_v_deg[i], in->u_ind[i]);
+    }
+    return 0;
+}
+
+static int check_indices(size_t n_points, size_t n, const int *point, const char *what, struct err *e) {
+    for (size_t i = 0; point && i < n; i++) {
+        if (point[i] < 0 || (size_t)point[i] >= n_points) {
+            return err_set(e, ERR_RANGE, "%s names point %d; there are points 0 to %zu", what, point[i],
+                           n_points - 1);
+        }
+    }
+    return 0;
+}
+
+static int check_finite(const double *x, size_t n, const char *what, struct err *e) {
+    for (size_t i = 0; x && i < n; i++) {
+        if (!(fabs(x[i]) <= 1e30)) {
+            return err_set(e, ERR_RANGE, "%s holds %g; it must hold finite numbers", what, x[i]);
+        }
+    }
+    return 0;
+}
+
+static int check_causes(const struct estimate_input *in, struct err *e) {
+    int status = 0;
+    for (size_t c = 0; c < in->n_common && !status; c++) {
+        const struct estimate_common *x = &in->common[c];
+        size_t n = x->point ? x->n : in->n;
+        if (!(status = check_indices(in->n, n, x->point, "a common cause", e))) {
+            status = check_finite(x->mean, n, "a common cause", e);
+        }
+    }
+    for (size_t b = 0; b < in->n_bracket && !status; b++) {
+        const struct estimate_bracket *x = &in->bracket[b];
+        size_t n = x->point ? x->n : in->n;
+        if (!(status = check_indices(in->n, n, x->point, "a bracket", e)) &&
+            !(status = check_finite(x->tau_us, n, "a bracket", e)) &&
+            !(status = check_finite(x->tau_r_us, n, "a bracket", e)) &&
+            !(x->rate >= 0 && x->rate <= 1e30 && fabs(x->length_us) <= 1e30)) {
+            status = err_set(e, ERR_RANGE,
+                             "a bracket has drift rate %g per s and length %g us; both must be finite",
+                             x->rate, x->length_us);
+        }
+    }
+    return status;
+}
+
+static int check_input(const struct estimate_input *in, struct err *e) {
+    double angles[] = {in->u_repeat_source_deg, in->u_repeat_sample_deg, in->u_zero_source_deg,
+                       in->u_zero_sample_deg};
+    for (size_t i = 0; i < sizeof angles / sizeof *angles; i++) {
+        if (!(angles[i] >= 0 && angles[i] < 90)) {
+            return err_set(e, ERR_RANGE, "an axis uncertainty of %g deg is not possible; give 0 to 90 deg",
+                           angles[i]);
+        }
+    }
+    if (!(in->kappa > 0 && in->kappa <= 100)) {
+        return err_set(e, ERR_RANGE, "kappa is %g; it is 1, or pi for the paper's printed form", in->kappa);
+    }
+    for (size_t i = 0; i < in->n; i++) {
+        int status = check_point(in, i, e);
+        if (status) {
+            return status;
+        }
+    }
+    return check_causes(in, e);
+}
+
+static double floor_of(double beta) {
+    return FLOOR_RELATIVE * fabs(beta) + FLOOR_ABSOLUTE;
+}
+
+static void set_weight(struct problem *p, size_t i, double u2) {
+    bool unweighted = p->input->unweighted || !p->input->u_ind;
+    p->u[i] = sqrt(u2);
+    p->root_weight[i] = unweighted ? 1 : 1 / p->u[i];
+}
+
+static int allocate(struct problem *p, struct err *e) {
+    size_t n = p->n + 1; /* never of size 0 */
+    p->geometry = calloc(n, sizeof *p->geometry);
+    p->u = calloc(n, sizeof(double));
+    p->root_weight = calloc(n, sizeof(double));
+    p->angle_u2 = calloc(n, sizeof(double));
+    p->slope_source = calloc(n, sizeof(double));
+    p->slope_sample = calloc(n, sizeof(double));
+    p->model_beta = calloc(n, sizeof(double));
+    p->gradient = calloc(n * (size_t)p->k, sizeof(double));
+    if (!p->geometry || !p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample ||
+        !p->model_beta || !p->gradient) {
+        return err_set(e, ERR_NOMEM, "no memory for a fit of %zu points", p->n);
+    }
+    return 0;
+}
+
+int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
+    *p = (struct problem){.n = input->n, .input = input, .kappa = input->kappa, .q = 1};
+    int status = reflectance_find(input->model, &p->model, e);
+    if (status || (status = check_input(input, e))) {
+        return status;
+    }
+    p->k = reflectance_parameters(p->model);
+    status = allocate(p, e);
+    for (size_t i = 0; i < p->n && !status; i++) {
+        status = reflectance_geometry(&p->geometry[i], input->theta_i_deg[i], input->theta_v_deg[i], e);
+        double u = input->u_ind ? fmax(input->u_ind[i], floor_of(input->beta[i])) : 1;
+        set_weight(p, i, u * u);
+    }
+    if (status) {
+        problem_free(p);
+    }
+    return status;
+}
+
+void problem_free(struct problem *p) {
+    free(p->geometry);
+    free(p->u);
+    free(p->root_weight);
+    free(p->angle_u2);
+    free(p->slope_source);
+    free(p->slope_sample);
+    free(p->model_beta);
+    free(p->gradient);
+    *p = (struct problem){0};
+}
+
+int problem_evaluate(struct problem *p, const double *value, struct err *e) {
+    return reflectance_eval(p->model, p->n, p->geometry, value, p->kappa, p->q, p->model_beta, p->gradient,
+                            e);
+}
+
+double problem_chi2(const struct problem *p) {
+    double sum = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        double r = (p->model_beta[i] - p->input->beta[i]) * p->root_weight[i];
+        sum += r * r;
+    }
+    return sum;
+}
+
+/* Slope over a step that stays inside the domain: across a kink of G it is the mean of both sides, which is
+ * what a small random displacement sees. */
+static int slope_along(enum reflectance_model model, const double *value, double kappa_q, double theta_i_deg,
+                       double theta_v_deg, double di, double dv, double *slope, struct err *e) {
+    const double step_deg = 1e-4; /* smaller than any lobe, larger than rounding: error about 1e-8 relative */
+    double beta[2];
+    struct reflectance_geometry g[2];
+    double span = 0;
+    for (int side = 0; side < 2; side++) {
+        double h = side ? step_deg : -step_deg;
+        double i_deg = theta_i_deg + h * di, v_deg = theta_v_deg + h * dv;
+        if (i_deg < 0) { /* past the normal the geometry goes on mirrored */
+            i_deg = -i_deg;
+            v_deg = -v_deg;
+        }
+        if (i_deg >= 90 || fabs(v_deg) >= 90) {
+            i_deg = theta_i_deg;
+            v_deg = theta_v_deg;
+            h = 0;
+        }
+        int status = reflectance_geometry(&g[side], i_deg, v_deg, e);
+        if (status) {
+            return status;
+        }
+        span += fabs(h);
+    }
+    int status = reflectance_eval(model, 2, g, value, kappa_q, 1, beta, NULL, e);
+    *slope = status || span == 0 ? 0 : (beta[1] - beta[0]) / span;
+    return status;
+}
+
+int problem_axis_slopes(enum reflectance_model model, const double *value, double kappa_q, double theta_i_deg,
+                        double theta_v_deg, bool mirrored, double *source, double *sample, struct err *e) {
+    double sign = mirrored ? -1 : 1;
+    int status = slope_along(model, value, kappa_q, theta_i_deg, theta_v_deg, sign, 0, source, e);
+    return status ? status
+                  : slope_along(model, value, kappa_q, theta_i_deg, theta_v_deg, -sign, sign, sample, e);
+}
+
+/* How u_ind^2 runs with beta over the set, a + c beta^2 by least squares of relative deviations: it carries
+ * u_ind from the noisy value to the model's, since weights from the noisy data themselves bias low
+ * (reflection-model.md 3.7). */
+static void noise_law(const struct problem *p, double *a, double *c) {
+    double s00 = 0, s01 = 0, s11 = 0, t0 = 0, t1 = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        double u = fmax(p->input->u_ind[i], floor_of(p->input->beta[i])), w = 1 / (u * u);
+        double b2 = p->model_beta[i] * p->model_beta[i] * w;
+        s00 += w * w;
+        s01 += w * b2;
+        s11 += b2 * b2;
+        t0 += w;
+        t1 += b2;
+    }
+    double det = s00 * s11 - s01 * s01;
+    *a = det > 1e-12 * s00 * s11 ? (t0 * s11 - t1 * s01) / det : 1;
+    *c = det > 1e-12 * s00 * s11 ? (t1 * s00 - t0 * s01) / det : 0;
+    if (*a <= 0 || *c < 0) { /* not of this form: keep u_ind as it is */
+        *a = 1;
+        *c = 0;
+    }
+}
+
+int problem_reweigh(struct problem *p, const double *value, struct err *e) {
+    const struct estimate_input *in = p->input;
+    double a = 1, c = 0;
+    if (in->u_ind) {
+        noise_law(p, &a, &c);
+    }
+    for (size_t i = 0; i < p->n; i++) {
+        int status =
+            problem_axis_slopes(p->model, value, p->kappa * p->q, in->theta_i_deg[i], in->theta_v_deg[i],
+                                in->mirrored && in->mirrored[i], &p->slope_source[i], &p->slope_sample[i], e);
+        if (status) {
+            return status;
+        }
+        if (!in->u_ind) {
+            continue;
+        }
+        double by_source = p->slope_source[i] * in->u_repeat_source_deg;
+        double by_sample = p->slope_sample[i] * in->u_repeat_sample_deg;
+        p->angle_u2[i] = by_source * by_source + by_sample * by_sample;
+        double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
+        double seen = in->beta[i], fitted = p->model_beta[i];
+        /* Within a factor 4: beyond that the model misses the point, and the noise there is as it was seen.
+         */
+        double carry = fmin(fmax((a + c * fitted * fitted) / (a + c * seen * seen), 0.25), 4);
+        set_weight(p, i, u * u * carry + p->angle_u2[i]);
+    }
+    return 0;
+}

@@ -1,0 +1,49 @@
+/*
+ * problem.h — the points of one fit, checked, with their geometry and the weights they carry.
+ *
+ * The working struct of fit/: made once from a struct estimate_input, read by the solver, the band fit and
+ * the covariance. u[] is the independent standard uncertainty of a mean: u_ind, raised to a floor, and after
+ * problem_reweigh with the axis repeatability of the fitted model (measurement.md 6 and 8).
+ * Errors     -ERR_RANGE (a sentence naming the point), -ERR_USAGE, -ERR_NOMEM.
+ * Checked    tests/unit/test_estimate_input.c
+ */
+#ifndef FIT_PROBLEM_H
+#define FIT_PROBLEM_H
+
+#include "fit/coordinates.h"
+#include "fit/estimate.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct problem {
+    enum reflectance_model model;
+    int k;
+    size_t n;
+    const struct estimate_input *input;
+    struct reflectance_geometry *geometry; /* [n] */
+    double *u, *root_weight;               /* [n]; root_weight 1 where unweighted */
+    double *angle_u2;                      /* [n] variance of the mean by axis repeatability; 0 at first */
+    double *slope_source, *slope_sample;   /* [n] d beta / d axis per degree; 0 at first */
+    double *model_beta;                    /* [n] of the last evaluation */
+    double *gradient;                      /* [n * k] with respect to the parameters, of the same */
+    double kappa, q;
+};
+
+int problem_init(struct problem *p, const struct estimate_input *input, struct err *e);
+void problem_free(struct problem *p);
+/* Model and gradient at value into model_beta and gradient. */
+int problem_evaluate(struct problem *p, const double *value, struct err *e);
+/* Weights anew from the model of the last problem_evaluate. */
+int problem_reweigh(struct problem *p, const double *value, struct err *e);
+double problem_chi2(const struct problem *p); /* of the last evaluation, with the weights of the fit */
+
+int problem_axis_slopes(enum reflectance_model model, const double *value, double kappa_q, double theta_i_deg,
+                        double theta_v_deg, bool mirrored, double *source, double *sample, struct err *e);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

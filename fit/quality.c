@@ -1,0 +1,72 @@
+#include "fit/quality.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define Z_999 3.090232306167813 /* the standard normal passes it once in 1,000 times */
+#define BETA_FLOOR 0.005        /* measurement.md 10: below it an error is judged as absolute */
+
+double quality_chi2_limit(double mean, double variance) {
+    double scale = variance / (2 * mean), degrees = 2 * mean * mean / variance;
+    double shrink = 2 / (9 * degrees);
+    double root = 1 - shrink + Z_999 * sqrt(shrink);
+    return scale * degrees * root * root * root;
+}
+
+double quality_r2(const struct problem *p) {
+    double mean = 0, left = 0, all = 0;
+    for (size_t i = 0; i < p->n; i++) {
+        mean += p->input->beta[i] / (double)p->n;
+    }
+    for (size_t i = 0; i < p->n; i++) {
+        double r = p->input->beta[i] - p->model_beta[i], d = p->input->beta[i] - mean;
+        left += r * r;
+        all += d * d;
+    }
+    return all > 0 ? 1 - left / all : 0;
+}
+
+static int ascending(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+int quality_median_error(const struct problem *p, double *error, struct err *e) {
+    double *size = malloc((p->n + 1) * sizeof *size);
+    if (!size) {
+        return err_set(e, ERR_NOMEM, "no memory for the residuals of %zu points", p->n);
+    }
+    for (size_t i = 0; i < p->n; i++) {
+        size[i] = fabs(p->input->beta[i] - p->model_beta[i]) / fmax(p->input->beta[i], BETA_FLOOR);
+    }
+    qsort(size, p->n, sizeof *size, ascending);
+    *error = p->n % 2 ? size[p->n / 2] : (size[p->n / 2 - 1] + size[p->n / 2]) / 2;
+    free(size);
+    return 0;
+}
+
+double quality_specular_energy(double beta_prime, double gamma) {
+    /* 4 beta' * integral of D sin(2 phi) dphi; beyond 8 gamma D is below 1e-19. Simpson, error below 1e-9. */
+    const int intervals = 256;
+    double top = fmin(M_PI_2, 8 * gamma), h = top / intervals, sum = 0;
+    for (int i = 0; i <= intervals; i++) {
+        double phi = i * h, widths = phi / gamma;
+        double weight = i == 0 || i == intervals ? 1 : i % 2 ? 4 : 2;
+        sum += weight * exp(-M_LN2 * widths * widths) * sin(2 * phi);
+    }
+    return 4 * beta_prime * sum * h / 3;
+}
+
+double quality_negative_from_deg(double sigma) {
+    for (int deg = 1; deg < 90; deg++) {
+        struct reflectance_geometry g;
+        double l1, l2;
+        if (reflectance_geometry(&g, deg, deg, NULL) == 0) {
+            reflectance_diffuse_factors(&g, sigma, &l1, &l2);
+            if (l1 < 0) {
+                return deg;
+            }
+        }
+    }
+    return NAN;
+}

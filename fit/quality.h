@@ -1,0 +1,30 @@
+/*
+ * quality.h — how well a fit describes its points, and whether its parameters make physical sense.
+ *
+ * Checked    tests/unit/test_quality.c
+ */
+#ifndef FIT_QUALITY_H
+#define FIT_QUALITY_H
+
+#include "fit/problem.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Value that a chi-square of this mean and variance passes once in 1,000 times (a scaled chi-square of the
+ * same two moments, by Wilson and Hilferty 1931). */
+double quality_chi2_limit(double mean, double variance);
+double quality_r2(const struct problem *p); /* of the last evaluation, unweighted */
+int quality_median_error(const struct problem *p, double *error, struct err *e); /* measurement.md 10 */
+/* w = (4 beta' / pi) * integral of D cos(phi) over the hemisphere (measurement.md 10); physical up to 1. */
+double quality_specular_energy(double beta_prime, double gamma);
+/* Smallest mirror angle (theta_i = theta_v) at which Oren and Nayar's direct term is negative; NaN: nowhere.
+ */
+double quality_negative_from_deg(double sigma);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,376 @@
+#include "fit/uncertainty.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "fit/drift.h"
+
+namespace {
+
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Vector = Eigen::VectorXd;
+using Cells = Eigen::Map<Matrix>;
+using ConstCells = Eigen::Map<const Matrix>;
+
+/* Beyond this the free parameters cannot be told apart in double precision: J^T J carries the square. */
+constexpr double CONDITION_MAX = 1e6;
+
+struct cause { /* a common cause, made alike for the user's and for the two axis zeros */
+    size_t n;
+    const int *point;
+    const double *mean, *bands;
+    double scale;
+    bool achromatic; /* the same change in every band: an angle moves the lobe, which has no colour */
+
+    size_t at(size_t i) const {
+        return point ? static_cast<size_t>(point[i]) : i;
+    }
+};
+
+std::vector<cause> causes_of(const struct problem *p) {
+    const struct estimate_input *in = p->input;
+    std::vector<cause> all;
+    for (size_t c = 0; c < in->n_common; c++) {
+        const struct estimate_common *x = &in->common[c];
+        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1, false});
+    }
+    if (in->u_zero_source_deg > 0) {
+        all.push_back({p->n, nullptr, p->slope_source, nullptr, in->u_zero_source_deg, true});
+    }
+    if (in->u_zero_sample_deg > 0) {
+        all.push_back({p->n, nullptr, p->slope_sample, nullptr, in->u_zero_sample_deg, true});
+    }
+    return all;
+}
+
+/* Jacobian with respect to the coordinates, columns of held parameters zero. */
+Matrix jacobian(const struct problem *p, const double *value, const bool *is_free) {
+    double cells[UNCERTAINTY_CELLS];
+    coordinates_chain(p->model, value, cells);
+    Matrix j = ConstCells(p->gradient, static_cast<Eigen::Index>(p->n), p->k) * ConstCells(cells, p->k, p->k);
+    for (int c = 0; c < p->k; c++) {
+        if (!is_free[c]) {
+            j.col(c).setZero();
+        }
+    }
+    return j;
+}
+
+/* Inverse of the Fisher matrix over its free columns, by its column-normalised form. */
+bool invert(struct uncertainty *u, const Matrix &fisher, Matrix *inverse) {
+    std::vector<int> columns;
+    for (int c = 0; c < fisher.rows(); c++) {
+        if (u->free[c]) {
+            columns.push_back(c);
+        }
+    }
+    const int m = static_cast<int>(columns.size());
+    *inverse = Matrix::Zero(fisher.rows(), fisher.rows());
+    u->condition = 1;
+    if (m == 0) {
+        return true;
+    }
+    Matrix normalised(m, m);
+    for (int a = 0; a < m; a++) {
+        for (int b = 0; b < m; b++) {
+            double scale = std::sqrt(fisher(columns[a], columns[a]) * fisher(columns[b], columns[b]));
+            normalised(a, b) = scale > 0 ? fisher(columns[a], columns[b]) / scale : 0;
+        }
+    }
+    Eigen::SelfAdjointEigenSolver<Matrix> eigen(normalised);
+    double low = eigen.eigenvalues()(0), high = eigen.eigenvalues()(m - 1);
+    u->condition = low > 0 ? std::sqrt(high / low) : INFINITY;
+    for (int a = 0; a < m; a++) {
+        u->weakest[columns[a]] = eigen.eigenvectors()(a, 0);
+    }
+    if (!(u->condition < CONDITION_MAX)) {
+        return false;
+    }
+    Matrix small = eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
+                   eigen.eigenvectors().transpose();
+    for (int a = 0; a < m; a++) {
+        for (int b = 0; b < m; b++) {
+            double scale = std::sqrt(fisher(columns[a], columns[a]) * fisher(columns[b], columns[b]));
+            (*inverse)(columns[a], columns[b]) = small(a, b) / scale;
+        }
+    }
+    return true;
+}
+
+/* What a correlated part adds to the expected chi-square: the length of its projection on the residuals. */
+void add_expectation(struct uncertainty *u, double projected) {
+    projected = std::max(projected, 0.0);
+    u->chi2_expected += projected;
+    u->chi2_variance += 4 * projected + 2 * projected * projected;
+}
+
+struct workspace {
+    const struct problem *p;
+    Matrix j, inverse, h; /* h is k * n */
+    Vector weight;
+};
+
+/* D_b of one bracket in absolute terms, scaled by the given values of its points. */
+Matrix drift_matrix(const struct estimate_bracket *b, size_t n, const double *beta) {
+    Matrix d(n, n);
+    for (size_t x = 0; x < n; x++) {
+        for (size_t y = x; y < n; y++) {
+            d(x, y) = d(y, x) = drift_covariance(b, x, y) * beta[x] * beta[y];
+        }
+    }
+    return d;
+}
+
+void add_drift(struct uncertainty *u, const workspace &w) {
+    const struct estimate_input *in = w.p->input;
+    Cells total(u->drift, w.p->k, w.p->k);
+    for (size_t b = 0; b < in->n_bracket; b++) {
+        const struct estimate_bracket *x = &in->bracket[b];
+        const size_t n = x->point ? x->n : w.p->n;
+        if (n == 0 || x->rate == 0) {
+            continue;
+        }
+        std::vector<double> beta(n);
+        Matrix h(w.p->k, n), j(n, w.p->k);
+        Vector weight(n);
+        for (size_t i = 0; i < n; i++) {
+            const size_t at = x->point ? static_cast<size_t>(x->point[i]) : i;
+            beta[i] = w.p->model_beta[at];
+            h.col(i) = w.h.col(at);
+            j.row(i) = w.j.row(at);
+            weight(i) = w.weight(at);
+        }
+        Matrix d = drift_matrix(x, n, beta.data());
+        total += h * d * h.transpose();
+        double seen = weight.dot(d.diagonal());
+        Matrix wj = weight.asDiagonal() * j;
+        double explained = (w.inverse * (wj.transpose() * d * wj)).trace();
+        add_expectation(u, seen - explained);
+    }
+}
+
+void add_common(struct uncertainty *u, const workspace &w) {
+    Cells total(u->common, w.p->k, w.p->k);
+    for (const cause &c : causes_of(w.p)) {
+        Vector moved = Vector::Zero(w.p->k), pulled = Vector::Zero(w.p->k);
+        double seen = 0;
+        for (size_t i = 0; i < c.n; i++) {
+            const size_t at = c.at(i);
+            const double change = c.scale * c.mean[i];
+            moved += w.h.col(at) * change;
+            pulled += w.j.row(at).transpose() * (w.weight(at) * change);
+            seen += w.weight(at) * change * change;
+        }
+        total += moved * moved.transpose();
+        add_expectation(u, seen - pulled.dot(w.inverse * pulled));
+    }
+}
+
+void add_independent(struct uncertainty *u, const workspace &w) {
+    const int free_count = static_cast<int>(std::count(u->free, u->free + w.p->k, true));
+    const double degrees = std::max<double>(1, static_cast<double>(w.p->n) - free_count);
+    Vector variance(w.p->n);
+    for (size_t i = 0; i < w.p->n; i++) {
+        variance(i) = w.p->u[i] * w.p->u[i];
+    }
+    if (!w.p->input->u_ind) { /* no uncertainty given: the scatter has to tell */
+        variance.setConstant(problem_chi2(w.p) / degrees);
+    }
+    Cells(u->independent, w.p->k, w.p->k) = w.h * variance.asDiagonal() * w.h.transpose();
+    u->chi2_expected = degrees;
+    u->chi2_variance = 2 * degrees;
+}
+
+int compute(struct uncertainty *u, const struct problem *p, const double *value, struct err *e) {
+    workspace w{p, jacobian(p, value, u->free), {}, {}, Vector(p->n)};
+    for (size_t i = 0; i < p->n; i++) {
+        w.weight(i) = p->root_weight[i] * p->root_weight[i];
+    }
+    Matrix wj = w.weight.asDiagonal() * w.j;
+    Matrix fisher = w.j.transpose() * wj;
+    Cells(u->fisher, p->k, p->k) = fisher;
+    if (!invert(u, fisher, &w.inverse)) {
+        return err_set(e, ERR_FIT, "the points cannot tell the parameters apart (condition %.1g)",
+                       u->condition);
+    }
+    w.h = w.inverse * wj.transpose();
+    add_independent(u, w);
+    add_drift(u, w);
+    add_common(u, w);
+    u->h = static_cast<double *>(std::malloc(sizeof(double) * (p->n + 1) * p->k));
+    if (!u->h) {
+        return err_set(e, ERR_NOMEM, "no memory for the covariance of %zu points", p->n);
+    }
+    std::memcpy(u->h, w.h.data(), sizeof(double) * p->n * p->k);
+    return 0;
+}
+
+/* Slope of S_b with respect to the coordinates of the shared parameters, and its own row of H. */
+void band_rows(const struct problem *p, const double *value, const Matrix &j, struct bandfit *f, int band,
+               Vector *own, Vector *shared) {
+    double normal = 0;
+    const double s = f->s[band];
+    own->setZero(p->n);
+    shared->setZero(p->k);
+    bandfit_weights(f, p, band);
+    for (size_t i = 0; i < p->n; i++) {
+        const struct bandfit_point *x = &f->point[i];
+        const double slope = x->l1 + 2 * s * x->l2;
+        (*own)(i) = f->weight[i] * slope;
+        normal += f->weight[i] * slope * slope;
+    }
+    *own /= normal;
+    for (int c = 0; c < p->k; c++) {
+        const enum material_parameter parameter = reflectance_parameter(p->model, c);
+        for (size_t i = 0; parameter != MATERIAL_S && i < p->n; i++) {
+            const struct bandfit_point *x = &f->point[i];
+            const double slope = parameter == MATERIAL_SIGMA
+                                     ? (s * x->l1_slope + s * s * x->l2_slope) * value[MATERIAL_SIGMA]
+                                     : j(i, c); /* the lobe is the mean's */
+            (*shared)(c) -= (*own)(i)*slope;
+        }
+    }
+}
+
+double band_ratio(const struct problem *p, size_t i, double fitted) {
+    return p->model_beta[i] != 0 ? fitted / p->model_beta[i] : 1;
+}
+
+struct band_work {
+    const struct uncertainty *u;
+    const struct problem *p;
+    std::vector<cause> causes;
+    std::vector<Matrix> drift; /* relative to beta_1 beta_2 */
+    Vector own, shared;        /* dS = own . d beta_b + shared . d x */
+    Vector fitted;             /* of the band */
+};
+
+double drift_variance(const band_work &w) {
+    const struct estimate_input *in = w.p->input;
+    ConstCells h(w.u->h, w.p->k, static_cast<Eigen::Index>(w.p->n));
+    double sum = 0;
+    for (size_t b = 0; b < in->n_bracket; b++) {
+        const struct estimate_bracket *x = &in->bracket[b];
+        Vector row(w.drift[b].rows());
+        for (Eigen::Index i = 0; i < row.size(); i++) {
+            const size_t at = x->point ? static_cast<size_t>(x->point[i]) : static_cast<size_t>(i);
+            /* the lamp drifts as a whole: the mean and the band move together */
+            row(i) = w.own(at) * w.fitted(at) + w.shared.dot(h.col(at)) * w.p->model_beta[at];
+        }
+        sum += row.dot(w.drift[b] * row);
+    }
+    return sum;
+}
+
+double common_variance(const band_work &w, int band) {
+    ConstCells h(w.u->h, w.p->k, static_cast<Eigen::Index>(w.p->n));
+    double sum = 0;
+    for (const cause &c : w.causes) {
+        double moved = 0;
+        for (size_t i = 0; i < c.n; i++) {
+            const size_t at = c.at(i);
+            const double mean = c.scale * c.mean[i];
+            double here = c.achromatic ? mean : mean * band_ratio(w.p, at, w.fitted(at));
+            if (c.bands && std::isfinite(c.bands[i * BANDS + band])) {
+                here = c.scale * c.bands[i * BANDS + band];
+            }
+            moved += w.own(at) * here + w.shared.dot(h.col(at)) * mean;
+        }
+        sum += moved * moved;
+    }
+    return sum;
+}
+
+double band_variance(band_work &w, const double *value, const Matrix &j, struct bandfit *f, int band) {
+    band_rows(w.p, value, j, f, band, &w.own, &w.shared);
+    const double s = f->s[band];
+    for (size_t i = 0; i < w.p->n; i++) {
+        const struct bandfit_point *x = &f->point[i];
+        w.fitted(i) = s * x->l1 + s * s * x->l2 + x->specular;
+    }
+    double by_shared = w.shared.dot(ConstCells(w.u->independent, w.p->k, w.p->k) * w.shared);
+    return f->variance[band] + by_shared + drift_variance(w) + common_variance(w, band);
+}
+
+void compute_bands(const struct uncertainty *u, const struct problem *p, const double *value,
+                   struct bandfit *f, double *u_s) {
+    Matrix j = jacobian(p, value, u->free);
+    band_work w{u, p, causes_of(p), {}, {}, {}, Vector(p->n)};
+    for (size_t b = 0; b < p->input->n_bracket; b++) {
+        const struct estimate_bracket *x = &p->input->bracket[b];
+        const size_t n = x->point ? x->n : p->n;
+        w.drift.push_back(drift_matrix(x, n, std::vector<double>(n, 1.0).data()));
+    }
+    for (int band = 0; band < BANDS; band++) {
+        u_s[band] = std::isfinite(f->s[band]) ? std::sqrt(band_variance(w, value, j, f, band)) : NAN;
+    }
+}
+
+} // namespace
+
+int uncertainty_compute(struct uncertainty *u, const struct problem *p, const double *value,
+                        const bool *is_free, struct err *e) {
+    *u = {};
+    std::copy(is_free, is_free + p->k, u->free);
+    try {
+        return compute(u, p, value, e);
+    } catch (const std::bad_alloc &) {
+        return err_set(e, ERR_NOMEM, "no memory for the covariance of %zu points", p->n);
+    }
+}
+
+void uncertainty_free(struct uncertainty *u) {
+    std::free(u->h);
+    u->h = nullptr;
+}
+
+int uncertainty_of_bands(const struct uncertainty *u, const struct problem *p, const double *value,
+                         struct bandfit *f, double *u_s, struct err *e) {
+    try {
+        compute_bands(u, p, value, f, u_s);
+        return 0;
+    } catch (const std::bad_alloc &) {
+        return err_set(e, ERR_NOMEM, "no memory for the spectrum of %zu points", p->n);
+    }
+}
+
+void uncertainty_inflate(struct uncertainty *u, const struct problem *p) {
+    const int k = p->k;
+    ConstCells h(u->h, k, static_cast<Eigen::Index>(p->n));
+    std::vector<double> incidence;
+    std::vector<Vector> score; /* sum over a sweep of H r */
+    for (size_t i = 0; i < p->n; i++) {
+        const double deg = std::round(p->input->theta_i_deg[i]);
+        size_t at = std::find(incidence.begin(), incidence.end(), deg) - incidence.begin();
+        if (at == incidence.size()) {
+            incidence.push_back(deg);
+            score.push_back(Vector::Zero(k));
+        }
+        score[at] += h.col(i) * (p->input->beta[i] - p->model_beta[i]);
+    }
+    Vector sandwich = Vector::Zero(k);
+    for (const Vector &s : score) {
+        sandwich += s.cwiseAbs2() * (score.size() / std::max(score.size() - 1.0, 1.0));
+    }
+    /* With few sweeps the sandwich is itself uncertain: the plain scatter is the least it may say. */
+    const double scatter = problem_chi2(p) / u->chi2_expected;
+    Vector factor = Vector::Ones(k);
+    for (int c = 0; c < k; c++) {
+        const double before = u->independent[c * k + c] + u->drift[c * k + c];
+        if (before > 0) {
+            factor(c) = std::sqrt(std::max({1.0, scatter, sandwich(c) / before}));
+        }
+    }
+    for (int a = 0; a < k; a++) {
+        for (int b = 0; b < k; b++) {
+            u->independent[a * k + b] *= factor(a) * factor(b);
+            u->drift[a * k + b] *= factor(a) * factor(b);
+        }
+    }
+}
