@@ -1,20 +1,32 @@
 # goniod: see README.md for the two commands that matter, `make demo` and `make check`.
 # `make` builds and installs nothing; `make deps` names and installs the packages that are missing.
+#
+#   make                      the programs, in build/
+#   make check                every test; closes with "N passed, N failed, N skipped"
+#   make lint                 layout, mistakes, sizes, who includes whom
+#   make asan                 every test under AddressSanitizer and UBSan, in build/asan
+#   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
+#   make install DESTDIR= PREFIX=/usr/local
 
 VERSION := 0.1.0
 BUILD ?= build
 SANITIZE ?=
-CC ?= gcc
-CXX ?= g++
+PREFIX ?= /usr/local
+DESTDIR ?=
+FUZZ_S ?= 60
+JOBS ?= $(shell nproc)
 FOLDERS := proto drivers fit sim daemon
 C_LIBS := libmodbus libusb-1.0 libusbredirparser-0.5 sqlite3 libuv jansson libfyaml
 
 # -ffp-contract=off: a result must not depend on whether the compiler fuses a multiply with an add.
 COMMON := -O2 -g -Wall -Wextra -Werror -ffp-contract=off -MMD -MP -I. -D_GNU_SOURCE \
-          -DGONIOD_VERSION='"$(VERSION)"' $(SANITIZE)
-CFLAGS_ALL = -std=gnu17 $(COMMON) $(shell pkg-config --cflags $(C_LIBS)) $(CFLAGS)
+          -DGONIOD_VERSION='"$(VERSION)"' -DPROFILE_DIR='"$(PREFIX)/share/goniod/profiles"' $(SANITIZE)
+# Asked once, and only when something is compiled: `make deps` runs where there is no pkg-config yet.
+PKG_CFLAGS = $(eval PKG_CFLAGS := $(shell pkg-config --cflags $(C_LIBS)))$(PKG_CFLAGS)
+PKG_LIBS = $(eval PKG_LIBS := $(shell pkg-config --libs $(C_LIBS)))$(PKG_LIBS)
+CFLAGS_ALL = -std=gnu17 $(COMMON) $(PKG_CFLAGS) $(CFLAGS)
 CXXFLAGS_ALL = -std=c++17 $(COMMON) -isystem /usr/include/eigen3 $(CXXFLAGS)
-LINK_LIBS = -Wl,--as-needed $(shell pkg-config --libs $(C_LIBS)) -lm -pthread
+LINK_LIBS = -Wl,--as-needed $(PKG_LIBS) -lm -pthread
 CERES_LIBS = -lceres -lglog
 
 objects = $(patsubst %,$(BUILD)/%.o,$(basename $(filter-out %_main.c %_main.cc,$(wildcard $(1)/*.c $(1)/*.cc))))
@@ -58,14 +70,76 @@ $(BUILD)/tests/%: $(BUILD)/tests/%.o $(TEST_SUPPORT) $(LIBRARIES)
 	@echo "  LD  $@"
 	@$(CXX) $(SANITIZE) -o $@ $< $(TEST_SUPPORT) $(ARCHIVES) -Wl,--as-needed -lcmocka -lmpfr $(LINK_LIBS) $(CERES_LIBS)
 
-tests: $(PROGRAMS) $(TESTS)
+# Each fuzz target replays its corpus as one more test; `make fuzz` builds it with libFuzzer instead.
+FUZZERS := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
+REPLAYS := $(FUZZERS:%=$(BUILD)/tests/fuzz/test_%)
+$(BUILD)/tests/fuzz/test_%: $(BUILD)/tests/fuzz/fuzz_%.o $(BUILD)/tests/fuzz/replay.o $(LIBRARIES)
+	@echo "  LD  $@"
+	@$(CC) $(SANITIZE) -o $@ $(filter %.o,$^) $(ARCHIVES) $(LINK_LIBS)
 
-check: tests
+tests: $(PROGRAMS) $(TESTS) $(REPLAYS)
+
+# Two calls of make: the libraries may only have come with the packages.
+check:
+	@.ci/deps build check
+	@$(MAKE) --no-print-directory -j$(JOBS) tests
 	@BUILD=$(BUILD) /usr/bin/python3 tests/run.py $(BUILD)
+
+deps:
+	@.ci/deps build check demo lint fuzz
+
+lint:
+	@.ci/deps build check lint
+	@CFLAGS="-std=gnu17 $(COMMON) $(PKG_CFLAGS)" CXXFLAGS="-std=c++17 $(COMMON) -isystem /usr/include/eigen3" .ci/lint
+
+# abort_on_error=0: a finding is an exit status, which the runner reports with the output.
+asan:
+	@.ci/deps build check
+	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build/asan \
+	    SANITIZE="-fsanitize=address,undefined -fno-sanitize-recover=all" tests
+	@BUILD=build/asan /usr/bin/python3 tests/run.py build/asan
+
+fuzz:
+	@.ci/deps build fuzz
+	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build/fuzz CC=clang CXX=clang++ CFLAGS=-Wno-error \
+	    SANITIZE="-fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all" fuzzers
+	@.ci/fuzz $(FUZZ_S) $(or $(FUZZ),$(FUZZERS))
+
+# Without libfit: a target that needed Ceres would measure Ceres.
+FUZZ_ARCHIVES := $(BUILD)/libdaemon.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
+fuzzers: $(FUZZERS:%=$(BUILD)/tests/fuzz/fuzz_%)
+$(BUILD)/tests/fuzz/fuzz_%: $(BUILD)/tests/fuzz/fuzz_%.o $(FUZZ_ARCHIVES)
+	@echo "  LD  $@"
+	@clang $(SANITIZE) -fsanitize=fuzzer -o $@ $< $(FUZZ_ARCHIVES) $(LINK_LIBS)
+
+# The installed programs look for profiles under PREFIX, so another PREFIX compiles that file again.
+$(BUILD)/prefix: FORCE
+	@mkdir -p $(@D)
+	@echo '$(PREFIX)' | cmp -s - $@ || echo '$(PREFIX)' > $@
+$(BUILD)/proto/profile.o $(BUILD)/tests/unit/test_profile.o: $(BUILD)/prefix
+
+install: all
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/goniod/profiles $(DESTDIR)$(PREFIX)/share/doc/goniod
+	install -d $(DESTDIR)$(PREFIX)/lib/udev/rules.d $(DESTDIR)$(PREFIX)/lib/systemd/system \
+	    $(DESTDIR)$(PREFIX)/lib/sysusers.d
+	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
+	install -m 644 drivers/profiles/*.yaml $(DESTDIR)$(PREFIX)/share/goniod/profiles
+	install -m 644 drivers/60-goniod.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d
+	sed 's|@PREFIX@|$(PREFIX)|' daemon/goniod.service > $(DESTDIR)$(PREFIX)/lib/systemd/system/goniod.service
+	install -m 644 daemon/goniod.sysusers $(DESTDIR)$(PREFIX)/lib/sysusers.d/goniod.conf
+	install -m 644 LICENSE $(wildcard README.md docs/*.md) $(DESTDIR)$(PREFIX)/share/doc/goniod
+	$(if $(wildcard docs/examples),cp -r docs/examples $(DESTDIR)$(PREFIX)/share/doc/goniod)
+
+# Hooker's Green on board and paper, measured in virtual time.
+demo:
+	@.ci/deps build demo
+	@$(MAKE) --no-print-directory -j$(JOBS) all
+	@bash docs/examples/demo.sh $(BUILD)
 
 clean:
 	rm -rf $(BUILD)
 
-.PHONY: all tests check clean
+FORCE:
+.PHONY: all tests fuzzers check deps lint asan fuzz install demo clean FORCE
 .SECONDARY:
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)

@@ -1,6 +1,6 @@
 """Runs every test and closes with one line: N passed, N failed, N skipped.
 
-A test is a program under BUILD/tests/{unit,scenario,wire,replay,crash} or a test_*.py / test_*.sh under tests/.
+A test is a program under BUILD/tests/{unit,fuzz,scenario,wire,replay,crash} or a test_*.py / test_*.sh under tests/.
 Each prints TAP (testanything.org); a test that dies or prints no plan counts as one failure. Two run at a time.
     tests/run.py BUILD [WORD...]      only tests whose path holds one of the words
 """
@@ -11,7 +11,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-LAYERS = ["unit", "scenario", "wire", "replay", "crash"]
+LAYERS = ["unit", "fuzz", "scenario", "wire", "replay", "crash"]
 LIMIT_S = 400
 
 
