@@ -13,12 +13,12 @@
  * reduction. Every wait is in bench_wait and has a deadline of 2.2 x max(old, new integration time) +
  * read-out + 1 s.
  *
- * Errors     -ERR_TIMEOUT no frame in time, -ERR_IO a frame that is none (length, sync byte, all pixels
- *            equal, stall, babble): the recovery ladder (drain, re-initialise, clear-halt, one reset) has
- *            been run and a probe frame was good: repeat the set. -ERR_DEVICE the ladder failed (it needs a
- *            power cycle), it is another model, or its EEPROM is blank. -ERR_LINK it is gone from the bus:
- *            close both, open both again. -ERR_CANCELLED at once; the frame under way is taken in later by
- *            spectrometer_drain or by the next acquire.
+ * Errors     -ERR_TIMEOUT    no frame in time; the recovery ladder (drain, re-initialise, clear-halt, one reset) has
+ *                             been run and a probe frame was good: repeat the set
+ *            -ERR_IO         a frame that is none: length, sync byte, all pixels equal, stall, babble; likewise
+ *            -ERR_DEVICE     the ladder failed: it needs a power cycle; or another model; or a blank EEPROM
+ *            -ERR_LINK       gone from the bus: close both, open both again
+ *            -ERR_CANCELLED  at once; the frame under way is taken in by spectrometer_drain or the next acquire
  * Checked    tests/unit/test_spectrometer.c, tests/unit/test_spectrometer_timing.c,
  *            tests/scenario/test_spectra.c, tests/wire/
  */

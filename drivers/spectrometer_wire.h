@@ -7,7 +7,7 @@
  *
  * Errors     -ERR_TIMEOUT; -ERR_IO stall, babble, wrong length or content; -ERR_LINK the device is gone;
  *            -ERR_CANCELLED.
- * Checked    tests/unit/test_spectrometer_wire.c: every byte, size and order
+ * Checked    tests/unit/test_spectrometer.c: every byte, size and order; each way to break a frame
  */
 #ifndef DRIVERS_SPECTROMETER_WIRE_H
 #define DRIVERS_SPECTROMETER_WIRE_H
