@@ -1,17 +1,17 @@
 /*
- * axis_plant.h — a motor, its gear and the table on it, analytic in time: where everything stood at any
- * moment.
+ * axis_plant.h — a motor, its gear and the table on it, analytic in time: where everything stood at any moment.
  *
  * A motion is a chain of monotone segments, each a trapezoid of speed; a new order replaces what has not yet
  * happened. The last 64 segments are kept, so that a frame can ask where the axis was while it integrated.
  * Motor position in steps (0.01 deg, stage-modbus.md 1.8). The encoder sits on the motor: readback knows
  * nothing of what the gear does. The table follows inside the lost motion: [motor, motor + lost]; approached
- * upwards it stands at the motor's angle. Each order adds a repeatability drawn by (key, target, visit to
- * that target).
+ * upwards it stands at the motor's angle. Each order adds a repeatability drawn by (key, target, visit to that
+ * target).
  *
- * Times      an order moves nothing for PLANT_START_US (MOVE rises >= 2 ms after the query,
- * stage-modbus.md 1.7). Units      steps and deg of the table, speed steps/s, acceleration steps/s^2, times
- * microseconds of the clock. Checked    tests/unit/test_sim_axis.c
+ * Times      microseconds of the clock; an order moves nothing for PLANT_START_US (MOVE rises >= 2 ms after the
+ *            query, stage-modbus.md 1.7).
+ * Units      steps, deg of the table, steps/s, steps/s^2.
+ * Checked    tests/unit/test_sim_axis.c
  */
 #ifndef SIM_AXIS_PLANT_H
 #define SIM_AXIS_PLANT_H

@@ -1,17 +1,19 @@
 /*
  * az_registers.h — an AZ drive as its bus sees it: Modbus PDUs in, PDUs out, over the plant of one axis.
  *
- * Function codes 03, 06, 08 (echo), 10h and 17h; exceptions 01 function, 02 address, 03 count, 04 value or
- * not executable. 32-bit items, even address = high word. Modelled: direct data operation (types 1 to 3,
- * every trigger), driver input command (START is ignored; ZHOME, STOP, FREE, ALM-RST), output status,
- * positions and speeds, alarms with history, alarm reset edge, P-PRESET, software limits, temperatures,
- * internal outputs at 0x0178. Other addresses below AZ_SPACE read as 0, as reserved ones do; above it
- * exception 02.
+ * Function codes 03, 06, 08 (echo), 10h and 17h; exceptions 01 function, 02 address, 03 count, 04 value or not
+ * executable. 32-bit items, even address = high word. Modelled: direct data operation (types 1 to 3, every
+ * trigger), driver input command (START is ignored; ZHOME, STOP, FREE, ALM-RST), output status, positions and
+ * speeds, alarms with history, alarm reset edge, P-PRESET, software limits, temperatures, internal outputs at
+ * 0x0178. Other addresses below AZ_SPACE read as 0, as reserved ones do; above it exception 02. Transactions
+ * take no time of their own.
  *
  * ZHOME stands for whichever home the site has wired to bit 4 and gives coordinates to a unit without any.
- * Bits at 0x0178 in the order of the sheet: 0 FW-SLS, 1 RV-SLS, 2 ORGN-STLD, 3 PRST-STLD, 4 ABSPEN (positions
- * of these bits are not in any source). Written from stage-modbus.md 1; no profile is read, so that an error
- * in a profile shows against it. Transactions take no time of their own. Checked tests/unit/test_sim_axis.c
+ * Bits at 0x0178 in the order of the sheet: 0 FW-SLS, 1 RV-SLS, 2 ORGN-STLD, 3 PRST-STLD, 4 ABSPEN (no source
+ * gives their places).
+ *
+ * Source     stage-modbus.md 1; no profile is read, so that an error in a profile shows against it.
+ * Checked    tests/unit/test_sim_axis.c
  */
 #ifndef SIM_AZ_REGISTERS_H
 #define SIM_AZ_REGISTERS_H

@@ -1,14 +1,14 @@
 /*
  * detector.h — the spectrometer's optics and CCD: light per pixel in, raw counts out, with all that is wrong.
  *
- * In scaled counts (65535 = saturation): linear signal L = (light + dark current) * t, shot noise variance L
- * / g, S' P^-1: the S' with S' / P(S') = L (so that the EEPROM polynomial linearises it), read noise RN,
- * offset with a slow warm-up, fixed pattern; then raw = scaled * saturation / 65535, rounded, clipped to 0 ..
- * saturation. Variance RN^2 + S / g, g = 0.99 and 1.45 e-/count, RN = 50: spectrometer-ocean.md 7. Pixels 0
- * and 1 are junk (2.4). Pixels outside the active range see offset and read noise only.
+ * In scaled counts (65535 = saturation): linear signal L = (light + dark current) t with shot noise variance L/g;
+ * S' with S' / P(S') = L, so that the EEPROM polynomial P linearises it; read noise RN, an offset that warms up,
+ * fixed pattern. Then raw = scaled * saturation / 65535, rounded, clipped to 0..saturation. Pixels 0 and 1 are
+ * junk; pixels outside the active range see offset and read noise only.
  *
- * detector_expose is a pure function of its arguments; 2048 pixels take about 50 us.
- * Checked    tests/unit/test_sim_light.c
+ * Promises   detector_expose is a pure function of its arguments; 2048 pixels take about 50 us.
+ * Source     spectrometer-ocean.md 2.3, 2.4, 5, 7 (RN = 50, g = 0.99 and 1.45 e-/count).
+ * Checked    tests/unit/test_sim_light.c, tests/unit/test_sim_noise.c
  */
 #ifndef SIM_DETECTOR_H
 #define SIM_DETECTOR_H

@@ -1,11 +1,14 @@
 /*
  * lamp.h — the lamp: its colour, how it warms up and drifts, and when the lamp line let its light through.
  *
- * level(t) = (1 - 0.03 exp(-(t - t_first) / tau)) * exp(sqrt(rate) W(t)), tau = warm-up time / 6, t_first =
- * the first time the line was raised: the lamp then burns on and the line only works its shutter, so that a
- * dark does not cool it. W is Brownian motion by (seed, time) (draw.h), the same for every wavelength.
- * Spectrum   Planck at 3000 K in photons, 1 at 620 nm. Times    microseconds of the clock.
- * Source     measurement.md 3. Checked    tests/unit/test_sim_light.c
+ * level(t) = (1 - 0.03 exp(-(t - t_first) / tau)) * exp(sqrt(rate) W(t)), tau = warm-up time / 6, t_first = the
+ * first time the line was raised: the lamp then burns on and the line only works its shutter, so that a dark
+ * does not cool it. W is Brownian motion by (seed, time) (draw.h), the same for every wavelength.
+ *
+ * Spectrum   Planck at 3000 K in photons, 1 at 620 nm.
+ * Times      microseconds of the clock.
+ * Source     measurement.md 3.
+ * Checked    tests/unit/test_sim_light.c
  */
 #ifndef SIM_LAMP_H
 #define SIM_LAMP_H

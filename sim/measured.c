@@ -55,25 +55,33 @@ static void divide_into_curves(struct measured *m) {
         qsort(m->point + m->curve[c].first, m->curve[c].n, sizeof *m->point, by_view);
 }
 
-int measured_new(struct measured **out, const double *lambda_nm, size_t n_lambda,
-                 const struct measured_node *node, size_t n, struct err *e) {
-    if (n == 0 || n_lambda == 0)
-        return err_set(e, ERR_INPUT, "the measured surface holds no value in the plane of incidence");
+static void take_plane(struct measured *m, const struct brdf *brdf) {
+    for (size_t i = 0; i < brdf->n; i++) {
+        if (!brdf->geometry[i].in_plane)
+            continue;
+        struct point *p = &m->point[m->n++];
+        p->theta_i_deg = brdf->geometry[i].theta_i_deg;
+        p->theta_v_deg = brdf->geometry[i].theta_v_deg;
+        for (int k = 0; k < BANDS; k++)
+            p->beta[k] =
+                at_wavelength(brdf->lambda_nm, brdf->n_lambda, brdf->beta + i * brdf->n_lambda, band_nm(k));
+    }
+}
+
+int measured_new(struct measured **out, const struct brdf *brdf, struct err *e) {
     struct measured *m = calloc(1, sizeof *m);
     if (m) {
-        m->point = calloc(n, sizeof *m->point);
-        m->curve = calloc(n, sizeof *m->curve);
+        m->point = calloc(brdf->n + 1, sizeof *m->point);
+        m->curve = calloc(brdf->n + 1, sizeof *m->curve);
     }
     if (!m || !m->point || !m->curve) {
         measured_free(m);
-        return err_set(e, ERR_NOMEM, "no memory for a measured surface of %zu values", n);
+        return err_set(e, ERR_NOMEM, "no memory for a measured surface of %zu geometries", brdf->n);
     }
-    m->n = n;
-    for (size_t i = 0; i < n; i++) {
-        m->point[i].theta_i_deg = node[i].theta_i_deg;
-        m->point[i].theta_v_deg = node[i].theta_v_deg;
-        for (int k = 0; k < BANDS; k++)
-            m->point[i].beta[k] = at_wavelength(lambda_nm, n_lambda, node[i].beta, band_nm(k));
+    take_plane(m, brdf);
+    if (m->n == 0) {
+        measured_free(m);
+        return err_set(e, ERR_INPUT, "the measured surface holds no value in the plane of incidence");
     }
     divide_into_curves(m);
     *out = m;

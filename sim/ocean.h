@@ -2,17 +2,18 @@
  * ocean.h — a spectrometer of the classic Ocean family behind its four bulk endpoints.
  *
  * Host side: ocean_out takes what arrives on 0x01; ocean_in hands out packets of 0x81, 0x82 and 0x86 into a
- * transfer, one at a time, as a bus would: a short packet ends the transfer, a packet that does not fit is
- * babble and lost. Inside: commands 01 02 03 05 09 0A 6A 6B 6C FE (an unknown opcode gets no reply), EEPROM
- * with garbage after the NUL, and the free-run engines of spectrometer-ocean.md 4, which integrate in the
- * background: USB2000+  a request starts a frame when idle; after it is read two more are taken unasked; a
- * request during one of them gets it, else they are dropped. USB4000   integrates all the time; a finished
- * frame goes to the FIFO if that is empty, so that it can be older than the request; else idle cycles run
- * until the FIFO is empty and a request is pending. Requests, FIFO and endpoint memory outlive a client;
- * ocean_reset (bus reset) clears endpoint memory only.
+ * transfer, one at a time, as a bus would: a short packet ends the transfer, a packet that does not fit is babble
+ * and lost. Inside: commands 01 02 03 05 09 0A 6A 6B 6C FE (an unknown opcode gets no reply), EEPROM with garbage
+ * after the NUL, and the free-run engines, which integrate in the background:
+ *   USB2000+  a request starts a frame when idle; after it is read two more are taken unasked; a request during
+ *             one of them gets it, else they are dropped.
+ *   USB4000   integrates all the time; a finished frame goes to the FIFO if that is empty, so that it can be older
+ *             than the request; else idle cycles run until the FIFO is empty and a request is pending.
+ * Requests, FIFO and endpoint memory outlive a client; ocean_reset (bus reset) clears endpoint memory only.
  *
- * Times      microseconds, never backwards; ocean_due_us tells when the next thing happens that a reader of
- *            0x82 or 0x86 waits for. Frame content is asked of `frame` when it is handed over.
+ * Times      microseconds, never backwards; ocean_due_us tells when the next thing happens that a reader of 0x82
+ *            or 0x86 waits for. Frame content is asked of the bench when a frame is handed over.
+ * Source     spectrometer-ocean.md 2, 3, 4.
  * Checked    tests/unit/test_sim_ocean.c, tests/wire/
  */
 #ifndef SIM_OCEAN_H

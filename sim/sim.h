@@ -1,16 +1,15 @@
 /*
- * sim.h — the simulated goniometer, in process: a truth, and devices that let it be seen only through their
- * wires.
+ * sim.h — the simulated goniometer, in process: a truth, and devices that let it be seen only through their wires.
  *
- * Light: lamp (warm-up, Brownian drift) x geometry (spots, etendue, both filling cases) x surface x
- * spectrometer response + stray light -> electrons -> noise -> counts. Counts are formed from irradiance and
- * etendue; nothing here is shared with the reduction. Devices: axes behind Modbus registers, an Ocean
- * spectrometer behind bulk endpoints, each coded here from the sheets, never with a driver's codec. Its
- * diffuser and its axis zeros differ from certificate and config by draws from their stated uncertainties.
+ * Light: lamp (warm-up, Brownian drift) x geometry (spots, etendue, both filling cases) x surface x spectrometer
+ * response + stray light -> electrons -> noise -> counts. Counts are formed from irradiance and etendue; nothing
+ * here is shared with the reduction. Devices: axes behind Modbus registers, an Ocean spectrometer behind bulk
+ * endpoints, each coded here from the sheets, never with a driver's codec. Its diffuser and its axis zeros differ
+ * from certificate and config by draws from their stated uncertainties.
  *
- * Noise and repeatability are functions of (seed, device, commanded position, holder, lamp, exposure time,
- * visit, n-th frame of the visit), not of call order. Seed in, same bench out. Checked
- * tests/unit/test_sim_*.c, tests/scenario/
+ * Promises   noise and repeatability are functions of (seed, device, commanded position, holder, lamp, exposure
+ *            time, visit, n-th frame of the visit), not of call order. Seed in, same bench out.
+ * Checked    tests/unit/test_sim_*.c, tests/scenario/
  */
 #ifndef SIM_SIM_H
 #define SIM_SIM_H

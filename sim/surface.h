@@ -1,10 +1,10 @@
 /*
- * surface.h — a surface as the optics needs it: radiance factor of all bands at a geometry, and between
- * bands.
+ * surface.h — a surface as the optics needs it: radiance factor of all bands at a geometry, and between bands.
  *
- * s_lambda[k] and every other value by band mean the band's triangular average (proto/bands.h). So that a
- * spectrum seen through those triangles returns it, the light between the band centres follows the linear
- * spline c with (c[k-1] + 4 c[k] + c[k+1]) / 6 = value[k] (surface_spline); beyond both ends it is constant.
+ * s_lambda[k] and every other value by band mean the band's triangular average (proto/bands.h). So that a spectrum
+ * seen through those triangles returns it, the light between the band centres follows the linear spline c with
+ * (c[k-1] + 4 c[k] + c[k+1]) / 6 = value[k] (surface_spline); beyond both ends it is constant.
+ *
  * Checked    tests/unit/test_sim_light.c
  */
 #ifndef SIM_SURFACE_H

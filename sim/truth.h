@@ -1,16 +1,15 @@
 /*
  * truth.h — what the spectrometer's fibre sees over a time: lamp, axes, surfaces, geometry, stray light.
  *
- * truth_frame gives the counts of one integration. If lamp and axes stood still all that time it is one
- * state; else the light is averaged over TRUTH_SUBSTEPS moments of the window. Noise of a still frame is
- * keyed by (seed, commanded positions, lamp, exposure time, visit, n-th frame of the visit); that of a
- * blended one by its times. A visit begins with the first still frame in a state other than the last still
- * frame's.
+ * truth_frame gives the counts of one integration. If lamp and axes stood still all that time it is one state;
+ * else the light is averaged over TRUTH_SUBSTEPS moments of the window. Noise of a still frame is keyed by (seed,
+ * commanded positions, lamp, exposure time, visit, n-th frame of the visit); that of a blended one by its times.
+ * A visit begins with the first still frame in a state other than the last still frame's.
  *
- * theta_v = sample, theta_i = source - sample, true angles; both negated where theta_i < 0. More than
- * TRUTH_PLACE_DEG away from every holder position nothing stands in the beam.
- * Level      a white surface at 0:0 fills the scale in TRUTH_FULL_SCALE_US with the lamp warm, whatever the
- *            spots: the laboratory sets its attenuator so. Exposures of the paints then span 4 ms .. 5 s.
+ * Geometry   theta_v = sample, theta_i = source - sample, true angles; both negated where theta_i < 0. More than
+ *            TRUTH_PLACE_DEG away from every holder position nothing stands in the beam.
+ * Level      a white surface at 0:0 fills the scale in TRUTH_FULL_SCALE_US with the lamp warm, whatever the spots:
+ *            the laboratory sets its attenuator so. Exposures of the paints then span 4 ms .. 5 s.
  * Checked    tests/unit/test_sim_light.c, tests/unit/test_sim_noise.c
  */
 #ifndef SIM_TRUTH_H

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "proto/certificate.h"
+#include "proto/file.h"
 #include "proto/units.h"
 #include "sim/diffuser.h"
 #include "sim/draw.h"
@@ -97,7 +99,40 @@ static void test_the_certificate_is_the_table(void **state) {
     }
     assert_int_equal(rows, 6 * 33 * 5);
     fclose(in);
+    char *written, *shipped;
+    size_t size, shipped_size;
+    assert_int_equal(file_read(path, 1 << 20, &written, &size, NULL), 0);
+    assert_int_equal(file_read("docs/examples/demo/ptfe.csv", 1 << 20, &shipped, &shipped_size, NULL), 0);
+    assert_int_equal(size, shipped_size);
+    assert_memory_equal(written, shipped, size);
+    free(written);
+    free(shipped);
     unlink(path);
+}
+
+/* Whoever reads the certificate and interpolates as measurement.md 2 says sees the diffuser at every angle. */
+static void test_the_certificate_reads_as_the_truth(void **state) {
+    (void)state;
+    char *text;
+    size_t size;
+    struct certificate c;
+    struct err_list errors = {0};
+    struct err e = {0};
+    assert_int_equal(file_read("docs/examples/demo/ptfe.csv", 1 << 20, &text, &size, &e), 0);
+    assert_int_equal(certificate_read_text("ptfe.csv", text, size, &c, &errors), 0);
+    for (int i = 0; i <= 75; i += 5)
+        for (double v = -80; v <= 80; v += 2.5) {
+            double beta[BANDS], u[BANDS], truth[BANDS], angular;
+            bool covered[BANDS];
+            assert_int_equal(certificate_at(&c, i, v, 0, beta, u, covered, &angular, &e), 0);
+            diffuser_certified(i, v, truth);
+            for (int k = 0; k < BANDS; k++) {
+                assert_true(covered[k] && fabs(beta[k] - truth[k]) < 1e-7);
+                assert_true(fabs(u[k] / beta[k] - 0.005) < 1e-6);
+            }
+        }
+    certificate_free(&c);
+    free(text);
 }
 
 static void test_a_band_is_the_mean_under_its_triangle(void **state) {
@@ -307,6 +342,7 @@ int main(void) {
         cmocka_unit_test(test_spots_that_cross),
         cmocka_unit_test(test_the_diffuser_is_not_lambertian_but_reciprocal),
         cmocka_unit_test(test_the_certificate_is_the_table),
+        cmocka_unit_test(test_the_certificate_reads_as_the_truth),
         cmocka_unit_test(test_a_band_is_the_mean_under_its_triangle),
         cmocka_unit_test(test_counts_follow_geometry_and_surface),
         cmocka_unit_test(test_reciprocity_through_the_bench),
