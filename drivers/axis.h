@@ -62,6 +62,8 @@ struct axis_status { /* a snapshot; read_us says how old */
     bool valid;            /* position may be trusted for an absolute move */
     bool connected;
     bool stop_confirmed; /* false after a stop order that has not been seen to take effect */
+    bool other_side;     /* reached from the other side: no room for the usual approach within the limits */
+    int retries;         /* of the last move, because it stood outside the deadband */
     int alarm;           /* code, 0 = none */
     char alarm_text[80];
 };
@@ -74,8 +76,9 @@ void axis_close(struct axis *axis); /* leaves torque on */
 const struct axis_config *axis_config(const struct axis *axis);
 void axis_status(const struct axis *axis, struct axis_status *status);
 
-/* Orders and returns. axis_busy tells when it is over, axis_result how it ended. A new order while busy:
- * -ERR_BUSY. */
+/* Orders and returns. axis_busy tells when it is over (a stop: when standstill has been seen), axis_result
+ * how it ended. A new order while busy: -ERR_BUSY; while the link is down: -ERR_LINK. The link lost during a
+ * move ends it with -ERR_LINK and sends one stop at the reconnect; nothing resumes by itself. */
 int axis_begin_move(struct axis *axis, int32_t target_udeg, struct err *e);
 int axis_begin_home(struct axis *axis, struct err *e);
 bool axis_busy(const struct axis *axis);
@@ -84,11 +87,13 @@ int axis_result(const struct axis *axis, struct err *e); /* 0 arrived and settle
  * reconnect). Ends the running order with -ERR_CANCELLED; status.stop_confirmed tells when standstill has
  * been seen. */
 void axis_order_stop(struct axis *axis);
+bool axis_stands(const struct axis *axis); /* no order runs and the last reading shows standstill */
 void axis_confirm(struct axis *axis,
                   int32_t position_udeg);               /* manual axis: the person says it stands there */
 int axis_reset_alarm(struct axis *axis, struct err *e); /* at most one attempt per order of a person */
 
-/* Time model of the profile for the plan and for the move's limit: trapezoid + settle + polls. */
+/* Time model for the plan: trapezoid (and the backlash leg of a move against the approach) + settle + one
+ * poll. distance: target - start, signed. */
 int64_t axis_move_time_us(const struct profile *profile, int32_t distance_udeg);
 
 #endif
