@@ -17,6 +17,7 @@
 #define CONFIG_ZONES 8
 
 enum config_shutter { SHUTTER_LAMP_LINE, SHUTTER_NONE, SHUTTER_MANUAL };
+enum config_polarisation { POLARISATION_UNKNOWN, POLARISATION_DEPOLARISED };
 enum config_filling { FILLING_VIEW_IN_BEAM, FILLING_BEAM_IN_VIEW };
 enum config_axis_kind { CONFIG_AXIS_ABSENT, CONFIG_AXIS_MOTOR, CONFIG_AXIS_MANUAL, CONFIG_AXIS_FIXED };
 
@@ -32,6 +33,7 @@ struct config_axis {
     int unit;
     double zero_deg;
     int direction;
+    bool has_limits;
     double limits_deg[2];
     double blind_deg; /* source only */
     double fixed_deg;
@@ -61,7 +63,7 @@ struct config {
         double beam_mm, view_mm;
         enum config_filling filling;
         double source_width_deg, sensor_width_deg;
-        char polarisation[24];
+        enum config_polarisation polarisation;
     } optics;
     struct config_axis source, sample, holder;
     int n_keep_out;
@@ -74,6 +76,8 @@ struct config {
 int config_read_file(const char *path, struct config *config, struct err_list *errors);
 int config_read_text(const char *file, const char *text, size_t size, struct config *config,
                      struct err_list *errors);
+/* NULL where the holder has no position of that name. */
+const struct config_position *config_position_find(const struct config_axis *holder, const char *name);
 /* The bench of `goniod --simulate` without --config; config_builtin_text is what --check-config prints. */
 const char *config_builtin_text(void);
 void config_print_reference(void *file); /* FILE * */

@@ -115,6 +115,8 @@ int yaml_read_text_places(const char *file, const char *text, size_t size, const
                           void *object, struct err_list *errors, struct yaml_places *places);
 const struct yaml_place *yaml_place_find(const struct yaml_places *places, const char *path);
 void yaml_places_free(struct yaml_places *places);
+/* Puts the errors of one file from index `first` on into the order of their places. */
+void yaml_sort_errors(struct err_list *errors, size_t first);
 
 /* The nearest of names within an edit distance of 1/3 of its length, or NULL. */
 const char *yaml_nearest(const char *name, const char *const *names);

@@ -383,7 +383,7 @@ static bool stands_before(const struct err *a, const struct err *b) {
 }
 
 /* By place, and at one place in the order found: insertion sort of at most YAML_ERRORS_MAX entries. */
-static void sort_errors(struct err_list *errors, size_t first) {
+void yaml_sort_errors(struct err_list *errors, size_t first) {
     for (size_t i = first + 1; i < errors->n; i++) {
         struct err moved = errors->item[i];
         size_t k = i;
@@ -413,7 +413,7 @@ int yaml_read_text_places(const char *file, const char *text, size_t size, const
     if (rc == 0)
         rc = read_tree(&r, root, keys, object);
     yaml_tree_free(root);
-    sort_errors(errors, r.first_error);
+    yaml_sort_errors(errors, r.first_error);
     return errors->n > r.first_error ? -ERR_INPUT : rc;
 }
 

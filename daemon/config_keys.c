@@ -1,0 +1,385 @@
+#include "daemon/config_keys.h"
+
+#include <string.h>
+
+#include "daemon/config.h"
+
+#define AT(field) offsetof(struct config, field)
+#define AXIS_AT(field) offsetof(struct config_axis, field)
+
+static const char *const shutters[] = {"lamp-line", "none", "manual", NULL};
+static const char *const fillings[] = {"view-in-beam", "beam-in-view", NULL};
+static const char *const polarisations[] = {"unknown", "depolarised", NULL};
+
+static void read_interval(struct yaml_reader *r, const struct yaml_node *node, double interval[2]) {
+    if (!yaml_is_list(node) || yaml_count(node) != 2) {
+        yaml_error(r, node, "expected two angles in degrees, [low, high]");
+        return;
+    }
+    for (size_t i = 0; i < 2; i++)
+        if (yaml_read_double(r, yaml_item(node, i), &interval[i]) == 0 &&
+            !(interval[i] >= -360 && interval[i] <= 360))
+            yaml_error(r, yaml_item(node, i), "an angle of an axis lies within -360 .. 360 deg");
+}
+
+static int read_limits(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    struct config_axis *axis = object;
+    read_interval(r, node, axis->limits_deg);
+    axis->has_limits = true;
+    return 0;
+}
+
+static int read_zone_source(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    read_interval(r, node, ((struct config_zone *)object)->source_deg);
+    return 0;
+}
+
+static int read_zone_sample(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    read_interval(r, node, ((struct config_zone *)object)->sample_deg);
+    return 0;
+}
+
+static int read_positions(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    struct config_axis *axis = object;
+    axis->n_positions = 0;
+    if (!yaml_is_map(node)) {
+        yaml_error(r, node, "expected names with angles, {sample: 0, reference: 90}");
+        return 0;
+    }
+    for (size_t i = 0; i < yaml_count(node); i++) {
+        const char *name = yaml_item_name(node, i);
+        if (i >= CONFIG_POSITIONS || strlen(name) >= sizeof axis->position[0].name) {
+            yaml_error(r, yaml_item_key(node, i),
+                       "a holder has at most %d positions, with names of at most %d bytes", CONFIG_POSITIONS,
+                       (int)sizeof axis->position[0].name - 1);
+            return 0;
+        }
+        struct config_position *position = &axis->position[axis->n_positions++];
+        strcpy(position->name, name);
+        yaml_read_double(r, yaml_item(node, i), &position->deg);
+    }
+    return 0;
+}
+
+static int read_parity(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    const char *text = yaml_text(node);
+    if (!text || strlen(text) != 1 || !strchr("NEO", text[0]))
+        yaml_error(r, node, "the parity is N, E or O");
+    else
+        ((struct config_axis *)object)->parity = text[0];
+    return 0;
+}
+
+/* `profile: X, ...`, `{fixed_deg: X}` or the word manual: what a key of the file may say of an axis. */
+static int read_axis(struct yaml_reader *r, const struct yaml_node *node, struct config_axis *axis) {
+    const char *word = yaml_text(node);
+    if (word && strcmp(word, "manual") == 0) {
+        axis->kind = CONFIG_AXIS_MANUAL;
+        return 0;
+    }
+    if (!yaml_is_map(node)) {
+        yaml_error(r, node,
+                   "expected a motor {profile: NAME, link: ..., unit: N}, {fixed_deg: ANGLE} or manual");
+        return 0;
+    }
+    if (yaml_find(node, "fixed_deg")) {
+        axis->kind = CONFIG_AXIS_FIXED;
+        return yaml_read_map(r, node, config_fixed_keys, axis);
+    }
+    axis->kind = CONFIG_AXIS_MOTOR;
+    return yaml_read_map(r, node, config_axis_keys, axis);
+}
+
+static int read_source(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    return read_axis(r, node, &((struct config *)object)->source);
+}
+
+static int read_sample(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    return read_axis(r, node, &((struct config *)object)->sample);
+}
+
+static int read_holder(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    return read_axis(r, node, &((struct config *)object)->holder);
+}
+
+static const struct yaml_key spectrometer_keys[] = {
+    {.name = "model",
+     .type = YAML_STRING,
+     .offset = AT(spectrometer.model),
+     .size = 24,
+     .required = true,
+     .doc = "usb2000plus (also Flame-S), usb4000 (also Flame-T)"},
+    {.name = "link",
+     .type = YAML_STRING,
+     .offset = AT(spectrometer.link),
+     .size = 160,
+     .default_text = "usb",
+     .doc = "usb, usbredir:unix:PATH, usbredir:tcp:HOST:PORT, or sim:usb under `goniod --simulate`"},
+    {.name = "serial",
+     .type = YAML_STRING,
+     .offset = AT(spectrometer.serial),
+     .size = 32,
+     .doc = "serial number as in the EEPROM; another unit is refused. Left out: the only one found is taken"},
+    {0}};
+
+static const struct yaml_key lamp_keys[] = {{.name = "warm_up_min",
+                                             .type = YAML_DOUBLE,
+                                             .offset = AT(lamp_warm_up_min),
+                                             .low = 0,
+                                             .high = 1440,
+                                             .default_text = "30",
+                                             .unit = "min",
+                                             .doc = "time the lamp burns before the first reading"},
+                                            {0}};
+
+static const struct yaml_key optics_keys[] = {
+    {.name = "beam_mm",
+     .type = YAML_DOUBLE,
+     .offset = AT(optics.beam_mm),
+     .low = 0.1,
+     .high = 500,
+     .required = true,
+     .unit = "mm",
+     .doc = "diameter of the illuminated spot at normal incidence"},
+    {.name = "view_mm",
+     .type = YAML_DOUBLE,
+     .offset = AT(optics.view_mm),
+     .low = 0.1,
+     .high = 500,
+     .required = true,
+     .unit = "mm",
+     .doc = "diameter of the spot the sensor sees at normal view"},
+    {.name = "filling",
+     .type = YAML_CHOICE,
+     .offset = AT(optics.filling),
+     .choices = fillings,
+     .default_text = "view-in-beam",
+     .doc = "which spot lies inside the other, at every geometry of a plan"},
+    {.name = "source_width_deg",
+     .type = YAML_DOUBLE,
+     .offset = AT(optics.source_width_deg),
+     .low = 0,
+     .high = 20,
+     .default_text = "0",
+     .unit = "deg",
+     .doc = "full angular width of the source"},
+    {.name = "sensor_width_deg",
+     .type = YAML_DOUBLE,
+     .offset = AT(optics.sensor_width_deg),
+     .low = 0,
+     .high = 20,
+     .default_text = "0",
+     .unit = "deg",
+     .doc = "full angular width of the sensor"},
+    {.name = "polarisation",
+     .type = YAML_CHOICE,
+     .offset = AT(optics.polarisation),
+     .choices = polarisations,
+     .default_text = "unknown",
+     .doc = "whether source and sensor together prefer a polarisation"},
+    {0}};
+
+static const struct yaml_key axes_keys[] = {
+    {.name = "source",
+     .type = YAML_CUSTOM,
+     .custom = read_source,
+     .required = true,
+     .doc = "the arm of the light source: a motor"},
+    {.name = "sample",
+     .type = YAML_CUSTOM,
+     .custom = read_sample,
+     .required = true,
+     .doc = "the turntable of the sample: a motor, manual, or {fixed_deg: ANGLE}"},
+    {0}};
+
+static const struct yaml_key access_keys[] = {{.name = "watch",
+                                               .type = YAML_STRINGS,
+                                               .offset = AT(watch),
+                                               .size = sizeof(((struct config *)0)->watch[0]),
+                                               .count_offset = AT(n_watch),
+                                               .capacity = CONFIG_NAMES,
+                                               .default_text = "[users]",
+                                               .doc = "groups that may watch"},
+                                              {.name = "operate",
+                                               .type = YAML_STRINGS,
+                                               .offset = AT(operate),
+                                               .size = sizeof(((struct config *)0)->operate[0]),
+                                               .count_offset = AT(n_operate),
+                                               .capacity = CONFIG_NAMES,
+                                               .default_text = "[goniod]",
+                                               .doc = "groups that may command"},
+                                              {0}};
+
+const struct yaml_key config_fixed_keys[] = {{.name = "fixed_deg",
+                                              .type = YAML_DOUBLE,
+                                              .offset = AXIS_AT(fixed_deg),
+                                              .low = -90,
+                                              .high = 90,
+                                              .required = true,
+                                              .unit = "deg",
+                                              .doc = "the angle at which the axis is fixed"},
+                                             {.name = "u_zero_deg",
+                                              .type = YAML_DOUBLE,
+                                              .offset = AXIS_AT(u_zero_deg),
+                                              .low = 0,
+                                              .high = 5,
+                                              .default_text = "0",
+                                              .unit = "deg",
+                                              .doc = "standard uncertainty of that angle"},
+                                             {0}};
+
+const struct yaml_key config_axis_keys[] = {
+    {.name = "profile",
+     .type = YAML_STRING,
+     .offset = AXIS_AT(profile),
+     .size = 32,
+     .required = true,
+     .doc = "register-map profile of the drive, as om-az"},
+    {.name = "link",
+     .type = YAML_STRING,
+     .offset = AXIS_AT(link),
+     .size = 128,
+     .required = true,
+     .doc = "rtu:PATH, tcp:HOST:PORT, or sim:modbus; axes with the same link share one bus"},
+    {.name = "unit",
+     .type = YAML_INT,
+     .offset = AXIS_AT(unit),
+     .low = 1,
+     .high = 247,
+     .required = true,
+     .doc = "Modbus unit id"},
+    {.name = "zero_deg",
+     .type = YAML_DOUBLE,
+     .offset = AXIS_AT(zero_deg),
+     .low = -360,
+     .high = 360,
+     .default_text = "0",
+     .unit = "deg",
+     .doc = "raw position of the drive at the axis' zero"},
+    {.name = "direction",
+     .type = YAML_INT,
+     .offset = AXIS_AT(direction),
+     .low = -1,
+     .high = 1,
+     .default_text = "1",
+     .doc = "1, or -1 where the drive counts the other way"},
+    {.name = "limits_deg",
+     .type = YAML_CUSTOM,
+     .custom = read_limits,
+     .unit = "deg",
+     .doc = "soft limits [low, high]; source and sample must have them, the holder's default is -180 .. 360"},
+    {.name = "blind_deg",
+     .type = YAML_DOUBLE,
+     .offset = AXIS_AT(blind_deg),
+     .low = 0,
+     .high = 90,
+     .unit = "deg",
+     .doc = "source only: nearer to the sensor than this, one housing shades the other"},
+    {.name = "positions",
+     .type = YAML_CUSTOM,
+     .custom = read_positions,
+     .doc = "holder only: names with angles, {sample: 0, reference: 90, trap: 180}"},
+    {.name = "baud",
+     .type = YAML_INT,
+     .offset = AXIS_AT(baud),
+     .low = 1200,
+     .high = 4000000,
+     .doc = "RTU speed where it differs from the profile's"},
+    {.name = "parity",
+     .type = YAML_CUSTOM,
+     .custom = read_parity,
+     .doc = "RTU parity N, E or O where it differs from the profile's"},
+    {.name = "response_ms",
+     .type = YAML_INT,
+     .offset = AXIS_AT(response_ms),
+     .low = 1,
+     .high = 10000,
+     .unit = "ms",
+     .doc = "time within which a unit answers where it differs from the profile's"},
+    {.name = "u_zero_deg",
+     .type = YAML_DOUBLE,
+     .offset = AXIS_AT(u_zero_deg),
+     .low = 0,
+     .high = 5,
+     .default_text = "0",
+     .unit = "deg",
+     .doc = "standard uncertainty of the zero, from alignment"},
+    {.name = "u_repeat_deg",
+     .type = YAML_DOUBLE,
+     .offset = AXIS_AT(u_repeat_deg),
+     .low = 0,
+     .high = 5,
+     .unit = "deg",
+     .doc = "repeatability of a move where it differs from the profile's"},
+    {.name = "u_transmission_deg",
+     .type = YAML_DOUBLE,
+     .offset = AXIS_AT(u_transmission_deg),
+     .low = 0,
+     .high = 5,
+     .unit = "deg",
+     .doc = "error of the transmission where it differs from the profile's"},
+    {0}};
+
+const struct yaml_key config_zone_keys[] = {{.name = "source_deg",
+                                             .type = YAML_CUSTOM,
+                                             .custom = read_zone_source,
+                                             .required = true,
+                                             .unit = "deg",
+                                             .doc = "[low, high] of the source axis"},
+                                            {.name = "sample_deg",
+                                             .type = YAML_CUSTOM,
+                                             .custom = read_zone_sample,
+                                             .required = true,
+                                             .unit = "deg",
+                                             .doc = "[low, high] of the sample axis"},
+                                            {0}};
+
+const struct yaml_key config_keys[] = {
+    {.name = "spectrometer",
+     .type = YAML_MAP,
+     .keys = spectrometer_keys,
+     .required = true,
+     .doc = "the spectrometer"},
+    {.name = "shutter",
+     .type = YAML_CHOICE,
+     .offset = AT(shutter),
+     .choices = shutters,
+     .default_text = "lamp-line",
+     .doc = "how the light is shut off for a dark: the spectrometer's lamp line, not at all, or by hand"},
+    {.name = "lamp", .type = YAML_MAP, .keys = lamp_keys, .default_text = "{}", .doc = "the lamp"},
+    {.name = "optics",
+     .type = YAML_MAP,
+     .keys = optics_keys,
+     .required = true,
+     .doc = "spots and angular widths"},
+    {.name = "axes",
+     .type = YAML_MAP,
+     .keys = axes_keys,
+     .required = true,
+     .doc = "the axes of the goniometer, in degrees from the sensor's optical axis"},
+    {.name = "holder",
+     .type = YAML_CUSTOM,
+     .custom = read_holder,
+     .default_text = "manual",
+     .doc = "what brings sample and reference into the beam: a motor with `positions`, or manual"},
+    {.name = "keep_out",
+     .type = YAML_LIST,
+     .offset = AT(keep_out),
+     .size = sizeof(struct config_zone),
+     .count_offset = AT(n_keep_out),
+     .capacity = CONFIG_ZONES,
+     .keys = config_zone_keys,
+     .doc = "forbidden while both axes are inside their intervals, also on the way"},
+    {.name = "access",
+     .type = YAML_MAP,
+     .keys = access_keys,
+     .default_text = "{}",
+     .doc = "who may watch and command over the socket"},
+    {.name = "notify",
+     .type = YAML_STRINGS,
+     .offset = AT(notify),
+     .size = sizeof(((struct config *)0)->notify[0]),
+     .count_offset = AT(n_notify),
+     .capacity = CONFIG_NAMES,
+     .doc = "programs that are run with each event as JSON on stdin; they never delay a campaign"},
+    {0}};
