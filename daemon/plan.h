@@ -1,11 +1,21 @@
 /*
  * plan.h — an ordered array of steps: what `gonioctl check` prints is what runs.
  *
- * The plan holds psi_source and orders the rest to save travel, groups manual holds, puts a reference reading
- * at both ends of every bracket and a dark within its interval, refuses geometries with a reason each, and
- * says what it will cost: time with an interval, exposures, bytes on disk. Refused    outside soft limits;
- * blind zone; footprint larger than sample or diffuser; between the two filling cases; not covered by the
- * certificate; keep-out zone; no reachable pair of axes. Checked    tests/unit/test_plan.c, tests/scenario/
+ * The plan orders geometries to save travel, groups what a person has to do by hand, puts a reading of the
+ * reference diffuser at both ends of every bracket, repeats about 5 % of the points at the end, and says what
+ * all that costs: time with an interval, exposures, bytes on disk. The same job, config and devices give the
+ * same plan.
+ *
+ * Refused    each with its reason: outside soft limits; blind zone; keep-out zone, or no way round one;
+ *            footprint larger than sample or diffuser; between the two filling cases; not covered by the
+ *            certificate; an angle at which a fixed axis does not stand.
+ * Brackets   a control reading (STEP_REFERENCE, control) opens and closes them. `bracket` of a control
+ * reading is the bracket it closes or, where it closes none, the one it opens; `opens` is the bracket it
+ *            opens, 0 = none: the reading shared by brackets n and n + 1 has bracket n, opens n + 1.
+ * Time       a step takes the slowest of its moves, a dark where one is due, and its set of scans at a middle
+ *            exposure, the geometric mean of the job's limits; the interval takes shorter and longer ones and
+ *            slower people. Brackets keep bracket_min by this clock.
+ * Checked    tests/unit/test_plan.c, tests/unit/test_plan_random.c, tests/scenario/
  */
 #ifndef DAEMON_PLAN_H
 #define DAEMON_PLAN_H
@@ -16,11 +26,13 @@
 
 #include "daemon/config.h"
 #include "daemon/job.h"
-#include "drivers/stage.h"
 #include "drivers/spectrometer.h"
+#include "drivers/stage.h"
 
 struct profile;
 struct json_t;
+
+#define PLAN_VIA 4
 
 enum step_kind {
     STEP_WARM_UP,   /* lamp on, wait */
@@ -28,51 +40,64 @@ enum step_kind {
     STEP_REFERENCE, /* reading of the diffuser */
     STEP_SAMPLE,    /* reading of a sample */
     STEP_TRAP,      /* stray light */
-    STEP_PARK
+    STEP_PARK       /* lamp off; the axes stay where they are */
 };
 
 struct step {
     enum step_kind kind;
     int sample; /* index into job.sample; -1 = none */
-    int bracket;
-    bool control;  /* opens or closes the bracket */
+    int bracket, opens;
+    bool control;  /* opens or closes a bracket */
     bool repeat;   /* a geometry measured again at the end, for reproducibility */
     int reference; /* step index of the reference reading a sample is divided by; -1 */
     int32_t theta_i_udeg, theta_v_udeg;
-    bool mirrored;
-    struct stage_target target;
+    bool mirrored;   /* both axes negated */
+    bool reciprocal; /* the job asked for this geometry with source and sensor exchanged */
+    /* Moves in this order: via[0..n_via) around a keep-out zone, then target. A manual sample axis stands in
+     * target at the angle that an earlier STEP_HOLD, with the same target, had it turned to. */
+    int n_via;
+    struct stage_target via[PLAN_VIA], target;
     int64_t estimate_us; /* time of this step by the devices' own time models */
-    char text[96];
+    char text[176];
 };
 
 struct refusal {
+    int sample; /* index into job.sample; -1 = of every sample */
     double theta_i_deg, theta_v_deg;
-    char why[120];
+    char why[256];
 };
 
 struct plan {
     int n_steps, n_refusals;
     struct step *step;
     struct refusal *refusal;
-    int n_points;    /* sample readings */
+    int n_geometries; /* different geometries measured */
+    int n_points;     /* sample readings */
+    int n_brackets, n_holds;
     int n_exposures; /* frames kept */
-    double bytes;
+    double bytes, free_bytes;
     int64_t estimate_us, estimate_low_us, estimate_high_us;
+    int64_t start_utc_s;   /* 0 = not known */
     bool uses[STAGE_AXES]; /* devices the plan does not use are neither opened nor homed */
     int n_left_out;
-    char left_out[8][96];
+    char left_out[8][160]; /* what is not used or not checked, in words */
+    int n_mounted;
+    char mounted[1 + JOB_SAMPLES][112]; /* what must stand where before the start, in words */
 };
 
-struct plan_devices {                          /* time and travel models */
+struct plan_devices {                          /* time and travel models, and the day */
     const struct profile *profile[STAGE_AXES]; /* NULL = not a motor */
     const struct spectrometer_model *spectrometer;
+    int64_t utc_s;     /* now: the certificate may have expired; 0 = not checked */
+    double free_bytes; /* on the disk of the sessions; 0 = not known */
 };
 
 /* All problems at once, each with its place in the job or config where there is one. A plan with no step left
- * for a sample is an error. */
+ * for a sample is an error; its refusals are then among the errors. plan_free also after an error. */
 int plan_make(const struct job *job, const struct config *config, const struct plan_devices *devices,
               struct plan *plan, struct err_list *errors);
 void plan_free(struct plan *plan);
+const char *step_kind_name(enum step_kind kind);                            /* "reference" */
 void plan_print(const struct plan *plan, const struct job *job, FILE *out); /* for people */
 struct json_t *plan_to_json(const struct plan *plan, const struct job *job);
 
