@@ -90,7 +90,7 @@ deps:
 
 lint:
 	@.ci/deps build check lint
-	@CFLAGS="-std=gnu17 $(COMMON) $(PKG_CFLAGS)" CXXFLAGS="-std=c++17 $(COMMON) -isystem /usr/include/eigen3" .ci/lint
+	@.ci/lint
 
 asan:
 	@.ci/deps build check

@@ -23,8 +23,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     int rc = certificate_read_text("f", (const char *)data, size, &c, &errors);
     if ((rc == 0) != (errors.n == 0))
         abort();
-    for (double theta_i_deg = 0; rc == 0 && theta_i_deg < 90; theta_i_deg += 22.5)
-        for (double theta_v_deg = -80; theta_v_deg < 90; theta_v_deg += 20) {
+    for (int theta_i_deg = 0; rc == 0 && theta_i_deg < 90; theta_i_deg += 15)
+        for (int theta_v_deg = -80; theta_v_deg < 90; theta_v_deg += 20) {
             ask(&c, theta_i_deg, theta_v_deg, 0);
             ask(&c, theta_i_deg, theta_v_deg, 0.01);
         }
