@@ -151,3 +151,7 @@ int solve_run(const struct problem *p, const double *start, const bool *held, st
         return err_set(e, ERR_FIT, "the solver failed: %s", x.what());
     }
 }
+
+const char *solve_name(void) {
+    return "Ceres " CERES_VERSION_STRING " Solver, Levenberg-Marquardt, dense QR";
+}

@@ -27,6 +27,8 @@ struct solve_result {
 int solve_run(const struct problem *p, const double *start, const bool *held, struct solve_result *result,
               struct estimate_trace *trace, struct err *e);
 
+const char *solve_name(void); /* the solver and its version */
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,246 @@
+#include "fit/commands.h"
+
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/points_csv.h"
+#include "fit/points_session.h"
+#include "fit/reflectance.h"
+#include "fit/solve.h"
+#include "proto/file.h"
+
+#define FILE_MAX (256u << 20)
+
+static const char help[] =
+    "usage: goniofit fit FILE... [--model MODEL] [--weights measured|none] [--paper-convention] [--json]\n"
+    "Fits a reflection model to radiance factors.\n"
+    "  FILE                a session (.gonio), or CSV: theta_i_deg,theta_v_deg, then\n"
+    "                      beta[,u_beta][,u_ind][,u_common_rel] or beta_550nm[,u_550nm],...\n"
+    "  --model MODEL       lambert, oren-nayar, eq1, composite (default), or all of them, best BIC first\n"
+    "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
+    "  --paper-convention  refit of the paper's printed form: kappa = pi, q = 1; S_paper = pi S is given "
+    "too\n"
+    "  --json              one object on stdout (an array with several models or files)\n"
+    "exit status: 0 done, 1 a fit was refused or failed, 2 bad usage or bad input\n";
+
+struct options {
+    const char *model; /* NULL: all */
+    bool unweighted, paper, json;
+};
+
+static int take_model(const char *name, struct options *o, struct err *e) {
+    enum reflectance_model found;
+    if (strcmp(name, "all") == 0) {
+        o->model = NULL;
+        return 0;
+    }
+    o->model = name;
+    return reflectance_find(name, &found, e);
+}
+
+static int take_weights(const char *name, struct options *o, struct err *e) {
+    o->unweighted = strcmp(name, "none") == 0;
+    return o->unweighted || strcmp(name, "measured") == 0
+               ? 0
+               : err_set(e, ERR_USAGE, "--weights is measured or none, not '%s'", name);
+}
+
+/* 1: help was asked for and printed. */
+static int read_options(int argc, char **argv, struct options *o, struct err *e) {
+    static const struct option known[] = {{"model", required_argument, NULL, 'm'},
+                                          {"weights", required_argument, NULL, 'w'},
+                                          {"paper-convention", no_argument, NULL, 'p'},
+                                          {"json", no_argument, NULL, 'j'},
+                                          {"help", no_argument, NULL, 'h'},
+                                          {NULL, 0, NULL, 0}};
+    int status = 0;
+    optind = 1;
+    for (int c; !status && (c = getopt_long(argc, argv, "", known, NULL)) != -1;) {
+        switch (c) {
+        case 'm':
+            status = take_model(optarg, o, e);
+            break;
+        case 'w':
+            status = take_weights(optarg, o, e);
+            break;
+        case 'p':
+            o->paper = true;
+            break;
+        case 'j':
+            o->json = true;
+            break;
+        case 'h':
+            fputs(help, stdout);
+            return 1;
+        default:
+            return err_set(e, ERR_USAGE, "see goniofit fit --help");
+        }
+    }
+    if (!status && optind == argc) {
+        return err_set(e, ERR_USAGE, "no FILE is given; see goniofit fit --help");
+    }
+    return status;
+}
+
+static bool is_session(const char *text, size_t size) {
+    return size >= 16 && memcmp(text, "SQLite format 3", 16) == 0;
+}
+
+static int read_points(const char *path, struct dataset *data, struct err_list *errors) {
+    struct err e = {0};
+    char *text = NULL;
+    size_t size = 0;
+    int status = file_read(path, FILE_MAX, &text, &size, &e);
+    if (!status && is_session(text, size)) {
+        status = points_session_read(path, data, &e);
+    } else if (!status) {
+        status = points_csv_read(path, text, size, data, errors);
+    }
+    free(text);
+    if (e.code) {
+        err_list_add(errors, &e);
+    }
+    return status;
+}
+
+struct result {
+    struct estimate estimate;
+    struct estimate_trace trace;
+    const char *file;
+};
+
+static void print_limit(const struct estimate *m, int p) {
+    printf("  %-11s at its bound %.6g, 95 %% limit %.6g\n", material_parameter_name(m->model, p), m->value[p],
+           m->limit_95[p]);
+}
+
+static void print_text(const struct result *r, bool paper) {
+    const struct estimate *m = &r->estimate;
+    printf("%s: %s, %d points\n", r->file, m->model, m->n_points);
+    if (!m->converged) {
+        printf("  no estimate: %s\n", m->refusal);
+        return;
+    }
+    printf("  %-11s %14s %12s %12s %12s\n", "", "value", "u", "statistical", "common");
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        const char *name = material_parameter_name(m->model, p);
+        double statistical = m->statistical[p][p], common = m->common[p][p];
+        if (name && m->at_bound[p]) {
+            print_limit(m, p);
+        } else if (name) {
+            printf("  %-11s %14.8g %12.3g %12.3g %12.3g%s\n", name, m->value[p], sqrt(statistical + common),
+                   sqrt(statistical), sqrt(common), m->not_identifiable[p] ? "  not identifiable" : "");
+        }
+    }
+    if (paper) {
+        printf("  S_paper = pi S = %.8g\n", M_PI * m->value[MATERIAL_S]);
+    }
+    printf("  kappa %.10g, q %.6g, mean of %d-%d nm\n", m->kappa, m->q, m->mean_low_nm, m->mean_high_nm);
+    printf("  chi-square %.5g, BIC %.5g, R2 %.6f, median relative error %.3g, specular energy %.3g\n",
+           m->chi2, m->bic, m->r2, m->median_relative_error, m->specular_energy);
+    for (int i = 0; i < m->n_warnings; i++) {
+        printf("  warning: %s\n", m->warning[i]);
+    }
+}
+
+static json_t *result_to_json(const struct result *r, bool paper) {
+    json_t *json = estimate_to_json(&r->estimate), *trace = json_array();
+    for (size_t i = 0; i < r->trace.n; i++) {
+        json_array_append_new(
+            trace, json_pack("{s:f,s:f}", "t_us", r->trace.step[i].t_us, "cost", r->trace.step[i].cost));
+    }
+    json_object_set_new(json, "trace", trace);
+    json_object_set_new(json, "solver", json_string(solve_name()));
+    json_object_set_new(json, "file", json_string(r->file));
+    if (paper) {
+        json_object_set_new(json, "S_paper", json_real(M_PI * r->estimate.value[MATERIAL_S]));
+    }
+    return json;
+}
+
+/* Best first; those without an estimate last. */
+static int by_bic(const void *a, const void *b) {
+    const struct estimate *x = &((const struct result *)a)->estimate,
+                          *y = &((const struct result *)b)->estimate;
+    if (x->converged != y->converged) {
+        return x->converged ? -1 : 1;
+    }
+    return (x->bic > y->bic) - (x->bic < y->bic);
+}
+
+static int fit_models(const char *path, const struct options *o, struct result *results, int *n,
+                      struct err_list *errors) {
+    struct dataset data;
+    dataset_init(&data);
+    int status = read_points(path, &data, errors), first = *n;
+    data.input.unweighted = o->unweighted;
+    if (o->paper) {
+        data.input.kappa = M_PI;
+        data.input.q_is_one = true;
+    }
+    for (int m = 0; m < REFLECTANCE_MODELS && !status; m++) {
+        const char *name = reflectance_name((enum reflectance_model)m);
+        if (o->model && strcmp(o->model, name) != 0) {
+            continue;
+        }
+        struct result *r = &results[(*n)++];
+        struct err e = {0};
+        *r = (struct result){.file = path};
+        data.input.model = name;
+        data.input.trace = &r->trace;
+        status = dataset_fit(&data, &r->estimate, &e);
+        if (status) {
+            err_list_add(errors, &e);
+        }
+    }
+    dataset_free(&data);
+    qsort(results + first, (size_t)(*n - first), sizeof *results, by_bic);
+    return status;
+}
+
+static int print_results(const struct result *results, int n, const struct options *o) {
+    int status = 0;
+    json_t *all = json_array();
+    for (int i = 0; i < n; i++) {
+        if (o->json) {
+            json_array_append_new(all, result_to_json(&results[i], o->paper));
+        } else {
+            print_text(&results[i], o->paper);
+        }
+        if (!results[i].estimate.converged) {
+            status = 1;
+            fprintf(stderr, "goniofit fit: %s: %s: %s\n", results[i].file, results[i].estimate.model,
+                    results[i].estimate.refusal);
+        }
+    }
+    if (o->json) {
+        json_dumpf(n == 1 ? json_array_get(all, 0) : all, stdout, JSON_INDENT(1) | JSON_REAL_PRECISION(17));
+        putchar('\n');
+    }
+    json_decref(all);
+    return status;
+}
+
+int command_fit(int argc, char **argv) {
+    struct options options = {.model = "composite"};
+    struct err e = {0};
+    struct err_list errors = {0};
+    int n = 0, status = read_options(argc, argv, &options, &e);
+    if (status) {
+        return status > 0 ? 0 : command_complain("fit", &e);
+    }
+    struct result *results = calloc((size_t)(argc - optind) * REFLECTANCE_MODELS, sizeof *results);
+    if (!results) {
+        err_set(&e, ERR_NOMEM, "no memory for %d files", argc - optind);
+        return command_complain("fit", &e);
+    }
+    for (int i = optind; i < argc; i++) {
+        fit_models(argv[i], &options, results, &n, &errors);
+    }
+    status = errors.n ? command_complain_all(&errors) : print_results(results, n, &options);
+    free(results);
+    return status;
+}

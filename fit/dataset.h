@@ -1,0 +1,67 @@
+/*
+ * dataset.h — points, common causes and brackets gathered one by one into the input of an estimation.
+ *
+ * Filled alike from a request (fit/serve.h), a CSV file (fit/points_csv.h) and a session (fit/points_session.h).
+ * A cause is known by its name: the same name at several points is the same cause. Settings (model, kappa,
+ * axis uncertainties, mean_nm) are written straight into dataset.input.
+ * Promises   dataset_input points into the dataset and holds until the next dataset_add_* or dataset_free.
+ * Errors     -ERR_NOMEM.
+ * Checked    tests/unit/test_serve.c, tests/unit/test_points.c
+ */
+#ifndef FIT_DATASET_H
+#define FIT_DATASET_H
+
+#include "fit/estimate.h"
+
+struct dataset_point {
+    double theta_i_deg, theta_v_deg;
+    bool mirrored;
+    double beta, u_ind;            /* of the visible mean; u_ind NaN = not known */
+    const double *bands, *bands_u; /* [BANDS] or NULL */
+};
+
+struct dataset_cause {
+    char name[48];
+    size_t n, capacity, band_capacity;
+    bool has_bands;
+    int *point;
+    double *mean, *bands;
+};
+
+struct dataset_bracket {
+    size_t n, capacity;
+    int *point;
+    double *tau_us, *tau_r_us;
+    double length_us, rate;
+};
+
+struct dataset {
+    struct estimate_input input; /* settings; its arrays are set by dataset_input */
+    size_t n, capacity, band_capacity;
+    double *theta_i_deg, *theta_v_deg, *beta, *u_ind, *bands, *bands_u;
+    bool *mirrored;
+    bool has_u, has_bands, has_bands_u;
+    size_t n_left_out;         /* points without a visible mean */
+    bool independence_assumed; /* only a total uncertainty was given */
+    struct dataset_cause *cause;
+    size_t n_causes, cause_capacity;
+    struct dataset_bracket *bracket;
+    size_t n_brackets, bracket_capacity;
+    struct estimate_common *common;
+    struct estimate_bracket *brackets;
+};
+
+void dataset_init(struct dataset *d); /* composite, kappa 1, 400-700 nm */
+void dataset_free(struct dataset *d);
+int dataset_add_point(struct dataset *d, const struct dataset_point *point, struct err *e);
+/* The cause's change of the last point or of any before it; bands may be NULL. */
+int dataset_add_cause(struct dataset *d, const char *name, size_t point, double mean, const double *bands,
+                      struct err *e);
+int dataset_add_bracket(struct dataset *d, double length_us, double rate, struct err *e);
+int dataset_add_to_bracket(struct dataset *d, size_t bracket, size_t point, double tau_us, double tau_r_us,
+                           struct err *e);
+int dataset_input(struct dataset *d, const struct estimate_input **input, struct err *e);
+/* The estimation, with what the dataset itself has to say among the warnings. */
+int dataset_fit(struct dataset *d, struct estimate *estimate, struct err *e);
+
+#endif
