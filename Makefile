@@ -122,7 +122,7 @@ install: all
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/goniod/profiles $(DESTDIR)$(PREFIX)/share/doc/goniod
 	install -d $(DESTDIR)$(PREFIX)/lib/udev/rules.d $(DESTDIR)$(PREFIX)/lib/systemd/system \
 	    $(DESTDIR)$(PREFIX)/lib/sysusers.d
-	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
+	set -e; for p in $(PROGRAMS); do install -m 755 $$p $(DESTDIR)$(PREFIX)/bin; done
 	install -m 644 drivers/profiles/*.yaml $(DESTDIR)$(PREFIX)/share/goniod/profiles
 	install -m 644 drivers/60-goniod.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d
 	sed 's|@PREFIX@|$(PREFIX)|' daemon/goniod.service > $(DESTDIR)$(PREFIX)/lib/systemd/system/goniod.service

@@ -83,8 +83,9 @@ def check_third_party(path, line, header, users):
     for pattern, (folders, _) in THIRD_PARTY.items():
         if not re.fullmatch(pattern, header):
             continue
-        users.setdefault(pattern, {}).setdefault(path, line)
-        if folder_of(path) not in folders:
+        if folder_of(path) in folders:
+            users.setdefault(pattern, {}).setdefault(path, line)
+        else:
             breach(path, line, f"<{header}> belongs to {' and '.join(sorted(folders))}")
         if pattern.startswith("ceres") and not path.endswith(".cc"):
             breach(path, line, f"<{header}> may stand in fit/*.cc only")
