@@ -3,16 +3,17 @@
  *
  * Raw rows (exposures, exchanges, events) are facts; points and estimates are derived from them and can be
  * derived again. Tables are insert-only; a final point supersedes its provisional one by its `supersedes`
- * column. WAL and synchronous=FULL while open; closing leaves one file. docs/session-format.md holds the
- * schema.
+ * column. WAL and synchronous=FULL while open; closing leaves one file. docs/session-format.md holds the schema.
  *
  * Writing    one writer at a time, by a lock on PATH-lock that dies with its process. An add outside
- * session_begin .. session_commit is a transaction of its own. An add that fails spoils its transaction:
- * commit then rolls back. After -ERR_FULL the session may be used again once there is room. Reading    also
- * beside a live writer. Network file systems are refused for writing only. Threads    a struct session is
- * used by one thread at a time (the writer thread while a campaign runs). Errors     -ERR_FULL disk full (the
- * transaction is rolled back whole); -ERR_BUSY another daemon has it open for writing; -ERR_INPUT truncated
- * or not a goniod session; -ERR_IO with errno. Checked tests/unit/test_session.c, tests/crash/
+ *            session_begin .. session_commit is a transaction of its own. An add that fails spoils its transaction:
+ *            commit then rolls back. After -ERR_FULL the session may be used again once there is room.
+ * Reading    also beside a live writer. Network file systems are refused for writing only.
+ * Threads    a struct session is used by one thread at a time (the writer thread while a campaign runs).
+ * Errors     -ERR_FULL disk full (the transaction is rolled back whole); -ERR_BUSY another daemon has it open for
+ *            writing; -ERR_INPUT truncated or not a goniod session; -ERR_STATE a row that would break a promise
+ *            (settled < start < end, a point superseded twice, a text written twice); -ERR_IO with errno.
+ * Checked    tests/unit/test_session.c, tests/unit/test_session_format.py, tests/crash/test_session_kill.c
  */
 #ifndef PROTO_SESSION_H
 #define PROTO_SESSION_H

@@ -45,6 +45,11 @@ static void parameter_row(struct query *q, struct estimate *m) {
     m->at_bound[at] = query_int(q, 2) != 0;
     m->limit_95[at] = query_double(q, 3);
     m->not_identifiable[at] = query_int(q, 4) != 0;
+    struct material_gap *gap = &m->gap[at];
+    snprintf(gap->why, sizeof gap->why, "%s", query_text(q, 5));
+    gap->has_next = query_type(q, 6) != QUERY_NULL;
+    gap->next_theta_i_deg = gap->has_next ? query_double(q, 6) : 0;
+    gap->next_theta_v_deg = gap->has_next ? query_double(q, 7) : 0;
 }
 
 static void s_lambda_row(struct query *q, struct estimate *m) {
@@ -75,7 +80,8 @@ static int each_of(struct session *s, const char *sql, int64_t id,
 
 static int read_details(struct session *s, int64_t id, struct estimate *m, struct err *e) {
     int rc = each_of(s,
-                     "SELECT at, value, at_bound, limit_95, not_identifiable FROM estimation_parameter"
+                     "SELECT at, value, at_bound, limit_95, not_identifiable, why, next_theta_i_deg,"
+                     " next_theta_v_deg FROM estimation_parameter"
                      " WHERE estimation_id = ?",
                      id, parameter_row, m, e);
     if (rc == 0)

@@ -270,7 +270,7 @@ static int write_estimation(struct session *s, int64_t now_us, int64_t last_poin
 
 static int write_parameter(struct session *s, int64_t id, const struct estimate *m, int at, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO estimation_parameter VALUES (?,?,?,?,?,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO estimation_parameter VALUES (?,?,?,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, id);
@@ -281,6 +281,9 @@ static int write_parameter(struct session *s, int64_t id, const struct estimate 
     query_bind_int(q, 5, m->at_bound[at]);
     query_bind_double(q, 6, m->limit_95[at]);
     query_bind_int(q, 7, m->not_identifiable[at]);
+    query_bind_text(q, 8, m->gap[at].why);
+    query_bind_double(q, 9, m->gap[at].has_next ? m->gap[at].next_theta_i_deg : NAN);
+    query_bind_double(q, 10, m->gap[at].has_next ? m->gap[at].next_theta_v_deg : NAN);
     return query_run(q, NULL, e);
 }
 

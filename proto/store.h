@@ -1,16 +1,16 @@
 /*
  * store.h — the few calls of SQLite that a session file needs; the only file that knows sqlite3.h.
  *
- * A struct store is one connection, a struct query one prepared statement. store_query keeps the statement
- * for the life of the connection (for statements in frequent use); store_prepare makes one the caller frees.
- * Parameters and columns count from 0.
+ * A struct store is one connection, a struct query one prepared statement. store_query keeps the statement for the
+ * life of the connection (for statements in frequent use); store_prepare makes one the caller frees. Parameters and
+ * columns count from 0. query_run steps a statement that returns no rows, and resets it.
  *
- * NaN is stored as NULL and NULL is read as NaN, 0, "" or no bytes. Text and bytes of a column live until the
- * next step or reset. query_run binds nothing: it steps a statement that returns no rows, and resets it.
+ * Values     NaN is stored as NULL and NULL is read as NaN, 0, "" or no bytes; -0 comes back as 0. Text and bytes of
+ *            a column live until the next step or reset; bound ones must live until the step.
  * Threads    one at a time per store. Nothing here sleeps longer than STORE_BUSY_MS, inside SQLite.
- * Errors     -ERR_FULL no space, quota or file size limit; -ERR_BUSY locked by another connection; -ERR_INPUT
- * not a database, or damaged; -ERR_STATE a constraint or trigger refused the row; -ERR_IO with errno. Checked
- * tests/unit/test_session.c
+ * Errors     -ERR_FULL no space, quota or file size limit; -ERR_BUSY locked by another connection; -ERR_INPUT not a
+ *            database, or damaged; -ERR_STATE a constraint or trigger refused the row; -ERR_IO with errno.
+ * Checked    tests/unit/test_session.c
  */
 #ifndef PROTO_STORE_H
 #define PROTO_STORE_H

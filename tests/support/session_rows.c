@@ -90,6 +90,7 @@ void row_estimate(int n, struct estimate *m) {
             m->common[i][j] = i == j ? 1e-5 / (i + 3) : -1e-7;
         }
     }
+    m->gap[4] = (struct material_gap){"n needs grazing angles", true, 60, 75.5};
     m->kappa = 1;
     m->q = 1.1 / 3;
     m->mean_low_nm = 400;

@@ -262,6 +262,9 @@ static int see_estimate(void *arg, int64_t us, int64_t last_point_id, const stru
     assert_doubles(
         (double[]){m->theta_i_low_deg, m->theta_i_high_deg, m->theta_v_low_deg, m->theta_v_high_deg},
         (double[]){10, 60, -80, 79.5}, 4);
+    assert_string_equal(m->gap[4].why, want.gap[4].why);
+    assert_true(m->gap[4].has_next && !m->gap[3].has_next);
+    assert_true(m->gap[4].next_theta_i_deg == 60 && m->gap[4].next_theta_v_deg == 75.5);
     assert_int_equal(m->n_warnings, 2);
     assert_string_equal(m->warning[1], want.warning[1]);
     return 0;
