@@ -84,7 +84,8 @@ static int open_motor(struct axis *a, struct err *e) {
     int result = first_reading(a, e);
     if (result)
         return result;
-    a->target_udeg = a->leg_udeg = a->position_udeg;
+    a->target_udeg = a->leg_udeg = a->still_udeg = a->position_udeg;
+    a->still_since_us = a->read_us;
     a->phase = a->alarm ? AXIS_FAULT : AXIS_IDLE;
     a->next_poll_us = axis_next_poll_us(a);
     struct bench_service service = {.name = a->config.name, .self = a, .due_us = due_us, .run = run};
@@ -154,6 +155,7 @@ void axis_status(const struct axis *a, struct axis_status *s) {
         .move_start_us = a->order_us,
         .valid = a->valid && !a->lost,
         .connected = !a->lost,
+        .answers = !a->lost && a->failures == 0,
         .stop_confirmed = a->stop_confirmed,
         .other_side = a->other_side,
         .retries = a->retries,
@@ -172,8 +174,10 @@ static void done_at_once(struct axis *a) {
 
 /* It stands there already, reached from the right side, by a reading no older than the idle interval. */
 static bool stands_there(const struct axis *a, int32_t target_udeg) {
-    return a->settled_us != CLOCK_NEVER && a->task == TASK_NONE && target_udeg == a->target_udeg &&
-           !a->alarm && axis_now_us(a) - a->read_us <= a->profile->poll.idle_ms * US_PER_MS;
+    bool fresh = axis_now_us(a) - a->read_us <= a->profile->poll.idle_ms * US_PER_MS;
+    bool reached = a->approached != 0 || a->profile->backlash_deg == 0;
+    return fresh && reached && a->task == TASK_NONE && a->settled_us != CLOCK_NEVER && !a->alarm &&
+           target_udeg == a->target_udeg && abs(a->position_udeg - target_udeg) <= axis_deadband_udeg(a);
 }
 
 static int begin_motor(struct axis *a, enum axis_task task, struct err *e) {

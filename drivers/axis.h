@@ -60,11 +60,12 @@ struct axis_status { /* a snapshot; read_us says how old */
     int64_t settled_us;    /* when the present position was declared settled; CLOCK_NEVER while not */
     int64_t move_start_us; /* when the last order was sent */
     bool valid;            /* position may be trusted for an absolute move */
-    bool connected;
-    bool stop_confirmed; /* false after a stop order that has not been seen to take effect */
-    bool other_side;     /* reached from the other side: no room for the usual approach within the limits */
-    int retries;         /* of the last move, because it stood outside the deadband */
-    int alarm;           /* code, 0 = none */
+    bool connected;        /* false: the readback is stale */
+    bool answers;          /* its last exchange was answered */
+    bool stop_confirmed;   /* false after a stop order that has not been seen to take effect */
+    bool other_side;       /* reached from the other side: no room for the usual approach within the limits */
+    int retries;           /* of the last move, because it stood outside the deadband */
+    int alarm;             /* code, 0 = none */
     char alarm_text[80];
 };
 

@@ -206,6 +206,7 @@ static void homed(struct axis *a) {
     a->target_udeg = a->leg_udeg = a->position_udeg;
     a->approached = 0;
     a->settled_us = a->read_us;
+    a->still_udeg = a->position_udeg;
     axis_finish(a, 0);
 }
 
@@ -295,6 +296,7 @@ static void arrived(struct axis *a) {
         return;
     int side = approach_side(a);
     a->settled_us = a->read_us;
+    a->still_udeg = a->position_udeg;
     axis_finish(a, 0);
     a->approached = side;
 }
@@ -354,14 +356,26 @@ static void think_verify(struct axis *a) {
     send_order(a);
 }
 
+/* An axis nobody moves is settled wherever it stands, once it has been seen to stand there long enough. */
+static void rest(struct axis *a) {
+    bool stands = !a->alarm && axis_all(a, a->profile->done, a->profile->n_done);
+    if (!stands || abs(a->position_udeg - a->still_udeg) > axis_deadband_udeg(a)) {
+        a->still_udeg = a->position_udeg;
+        a->still_since_us = a->read_us;
+        a->still_polls = 0;
+        a->settled_us = CLOCK_NEVER;
+        a->approached = 0; /* pushed by hand, or commanded by another */
+    }
+    a->still_polls += stands;
+    if (a->settled_us == CLOCK_NEVER && a->still_polls >= a->profile->debounce_polls &&
+        a->read_us >= a->still_since_us + a->profile->settle_ms * US_PER_MS)
+        a->settled_us = a->read_us;
+}
+
 static void think_idle(struct axis *a) {
     if (a->alarm)
         a->phase = AXIS_FAULT;
-    bool away = abs(a->position_udeg - a->target_udeg) > axis_deadband_udeg(a);
-    if (a->settled_us != CLOCK_NEVER && (axis_moves(a) || away || a->alarm)) {
-        a->settled_us = CLOCK_NEVER; /* pushed by hand, or commanded by another */
-        a->approached = 0;
-    }
+    rest(a);
 }
 
 void axis_think(struct axis *a) {

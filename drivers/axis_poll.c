@@ -9,7 +9,8 @@
 #define MUTE_RETRY_US US_PER_S /* a unit that stays mute must not eat the bus of the others .. */
 #define MUTE_RETRY_MAX_US (10 * US_PER_S)
 #define LINK_RETRY_US                                                                                        \
-    (10 * US_PER_MS) /* .. nor a link spin that says "not now" without saying until when                     \
+    (10 *                                                                                                    \
+     US_PER_MS) /* .. nor a link spin that says "not now" without saying until when                     \
                       */
 
 int64_t axis_raw_from_user(const struct axis *a, int32_t udeg) {

@@ -375,11 +375,28 @@ static void a_hand_that_turns_the_axis_unsettles_it(void **state) {
     (void)state;
     open_axis();
     go(30);
-    bus.drive[0].from = bus.drive[0].to = 3100;
     pass(US_PER_S);
+    int64_t settled = status.settled_us, turned_us = clock_now_us(&clock_);
+    bus.drive[0].from = bus.drive[0].to = 3100;
+    pass(260000);
     assert_true(status.settled_us == CLOCK_NEVER);
+    pass(US_PER_S);
     assert_int_equal(status.position_udeg, DEG(31));
+    assert_true(status.settled_us > turned_us && status.settled_us != settled);
     assert_int_equal(go(30), 0);
+    assert_int_equal(status.position_udeg, DEG(30));
+}
+
+static void an_axis_nobody_moves_settles_where_it_stands(void **state) {
+    (void)state;
+    open_axis();
+    look();
+    assert_true(status.settled_us == CLOCK_NEVER);
+    pass(US_PER_S);
+    assert_true(status.settled_us < clock_now_us(&clock_));
+    int orders = bus.drive[0].orders;
+    assert_int_equal(go(0), 0); /* from which side it came there is not known */
+    assert_int_equal(bus.drive[0].orders, orders + 2);
 }
 
 static void a_missing_unit_and_an_alarm_are_said_at_opening(void **state) {
@@ -461,6 +478,7 @@ int main(void) {
         TEST(a_mute_unit_is_told_apart_and_does_not_starve_the_other),
         TEST(polls_feed_the_watchdog),
         TEST(a_hand_that_turns_the_axis_unsettles_it),
+        TEST(an_axis_nobody_moves_settles_where_it_stands),
         TEST(a_missing_unit_and_an_alarm_are_said_at_opening),
         TEST(manual_and_fixed_axes),
         TEST(the_time_model_is_the_drivers),
