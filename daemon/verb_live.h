@@ -1,0 +1,22 @@
+/*
+ * verb_live.h — what the live verbs share: one request over goniod's socket, and printing of parts of the
+ * status.
+ */
+#ifndef DAEMON_VERB_LIVE_H
+#define DAEMON_VERB_LIVE_H
+
+#include <jansson.h>
+
+#include "daemon/verbs.h"
+#include "proto/rpc.h"
+
+/* Connects, calls, closes. params is taken over. */
+int live_call(const struct verb_args *args, const char *method, json_t *params, int silence_ms,
+              json_t **result, struct err_list *errors, struct err *e);
+void live_print_json(const json_t *value);
+void live_print_axes(const json_t *axes);
+/* "1 h 05 min", "12 min", "40 s". Returns buffer. */
+const char *live_duration(double seconds, char *buffer, size_t size);
+void live_print_status(const json_t *status);
+
+#endif

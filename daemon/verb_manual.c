@@ -1,0 +1,98 @@
+/* First light by hand: a spectrum, and the commissioning of an axis. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/verb_live.h"
+
+#define SPECTRUM_MS (15 * 60 * 1000)
+
+static int print_spectrum(const json_t *result, const char *path) {
+    json_t *lambda = json_object_get(result, "lambda_nm"), *counts = json_object_get(result, "counts");
+    FILE *out = path ? fopen(path, "wx") : stdout;
+    if (!out) {
+        fprintf(stderr, "gonioctl: spectrum: cannot make %s (a file of that name is never overwritten)\n",
+                path);
+        return 1;
+    }
+    fprintf(out, "# exposure_ms: %g\n# average: %lld\n# saturated_pixels: %lld\nlambda_nm,counts\n",
+            json_number_value(json_object_get(result, "exposure_ms")),
+            (long long)json_integer_value(json_object_get(result, "average")),
+            (long long)json_integer_value(json_object_get(result, "saturated_pixels")));
+    for (size_t i = 0; i < json_array_size(lambda); i++)
+        fprintf(out, "%.3f,%.3f\n", json_number_value(json_array_get(lambda, i)),
+                json_number_value(json_array_get(counts, i)));
+    if (out != stdout && fclose(out) != 0) {
+        fprintf(stderr, "gonioctl: spectrum: could not write %s\n", path);
+        return 1;
+    }
+    return 0;
+}
+
+static json_t *spectrum_params(const struct verb_args *args) {
+    json_t *params = json_object();
+    if (args->option[0])
+        json_object_set_new(params, "average", json_integer(atoi(args->option[0])));
+    if (args->option[1])
+        json_object_set_new(params, "exposure_ms", json_real(atof(args->option[1])));
+    if (args->option[3])
+        json_object_set_new(params, "lamp", json_false());
+    return params;
+}
+
+int verb_spectrum(int argc, char **argv) {
+    static const struct verb_option OPTIONS[] = {{"--average", 'n', "N", "scans to average (default 1)"},
+                                                 {"--exposure", 0, "MS", "integration time (default: found)"},
+                                                 {"--output", 'o', "FILE.csv", "a file instead of stdout"},
+                                                 {"--dark", 0, NULL, "with the lamp line off"},
+                                                 {0}};
+    struct verb_args args;
+    struct err e = {0};
+    json_t *result = NULL;
+    int done = verb_parse(argc, argv, OPTIONS, 0, 0, &args);
+    if (done >= 0)
+        return done;
+    if (live_call(&args, "spectrum", spectrum_params(&args), SPECTRUM_MS, &result, NULL, &e) != 0)
+        return verb_fail(&e, NULL);
+    int rc = 0;
+    if (args.json)
+        live_print_json(result);
+    else
+        rc = print_spectrum(result, args.option[2]);
+    if (json_integer_value(json_object_get(result, "saturated_pixels")))
+        fprintf(stderr, "gonioctl: spectrum: SATURATED in %lld pixels; use a shorter --exposure\n",
+                (long long)json_integer_value(json_object_get(result, "saturated_pixels")));
+    json_decref(result);
+    return rc;
+}
+
+/* Each answer of goniod is {"text": ..., "question": ...} until it is {"text": ..., "done": true}. */
+int verb_commission(int argc, char **argv) {
+    struct verb_args args;
+    char answer[64] = "";
+    int done = verb_parse(argc, argv, NULL, 1, 1, &args);
+    if (done >= 0)
+        return done;
+    for (;;) {
+        struct err e = {0};
+        json_t *result = NULL;
+        json_t *params = json_pack("{s:s, s:s}", "axis", args.operand[0], "answer", answer);
+        if (live_call(&args, "commission", params, SPECTRUM_MS, &result, NULL, &e) != 0)
+            return verb_fail(&e, NULL);
+        const char *text = json_string_value(json_object_get(result, "text"));
+        const char *question = json_string_value(json_object_get(result, "question"));
+        printf("%s%s", text ?: "", text ? "\n" : "");
+        bool over = json_is_true(json_object_get(result, "done")) || !question;
+        if (!over)
+            printf("%s ", question);
+        fflush(stdout);
+        json_decref(result);
+        if (over)
+            return 0;
+        if (!fgets(answer, sizeof answer, stdin)) {
+            fprintf(stderr, "\ngonioctl: commission: stopped without a result; nothing was recorded\n");
+            return 1;
+        }
+        answer[strcspn(answer, "\n")] = '\0';
+    }
+}
