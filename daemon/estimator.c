@@ -227,18 +227,19 @@ static int descriptors(void *self, struct pollfd *fd, int max) {
 
 /* ---- calls ---- */
 
-static int find_program(struct estimator *s, const char *program, struct err *e) {
-    const char *named = program ? program : getenv("GONIOFIT");
+int estimator_program(const char *named, char *path, size_t size, struct err *e) {
+    if (!named)
+        named = getenv("GONIOFIT");
     if (named && *named) {
-        snprintf(s->program, sizeof s->program, "%s", named);
+        snprintf(path, size, "%s", named);
         return 0;
     }
-    ssize_t n = readlink("/proc/self/exe", s->program, sizeof s->program - sizeof "goniofit");
+    ssize_t n = readlink("/proc/self/exe", path, size - sizeof "goniofit");
     int saved = errno;
     if (n < 0)
         return err_errno(e, ERR_IO, saved, "cannot find out where goniod is installed: set GONIOFIT");
-    s->program[n] = 0;
-    strcpy(strrchr(s->program, '/') + 1, "goniofit");
+    path[n] = 0;
+    strcpy(strrchr(path, '/') + 1, "goniofit");
     return 0;
 }
 
@@ -253,7 +254,7 @@ int estimator_new(struct estimator **estimator, struct bench *bench, const char 
     s->timer_fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     int saved = errno;
     int result = s->timer_fd < 0 ? err_errno(e, ERR_IO, saved, "cannot make the estimator's timer")
-                                 : find_program(s, program, e);
+                                 : estimator_program(program, s->program, sizeof s->program, e);
     struct bench_service service = {.name = "estimator",
                                     .self = s,
                                     .due_us = due_us,

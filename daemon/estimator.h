@@ -16,6 +16,7 @@
 
 #include <jansson.h>
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "drivers/bench.h"
 #include "proto/err.h"
@@ -28,6 +29,9 @@ struct estimator;
 
 /* reply is NULL where e says why there is none. Called inside bench_wait. */
 typedef void estimator_answer(void *arg, const json_t *reply, const struct err *e);
+
+/* Where goniofit is: `named` if not NULL, else GONIOFIT, else beside the running program. */
+int estimator_program(const char *named, char *path, size_t size, struct err *e);
 
 /* program NULL: GONIOFIT, else goniofit beside the running program. deadline_s 0: ESTIMATOR_DEADLINE_S. */
 int estimator_new(struct estimator **estimator, struct bench *bench, const char *program, int deadline_s,

@@ -18,4 +18,7 @@ const struct verb VERBS[] = {
     {"spectrum", verb_spectrum, "[--average N] [--exposure MS] [-o FILE.csv]", "takes a spectrum", true},
     {"commission", verb_commission, "AXIS", "checks a profile on a live unit, step by step, with small moves",
      true},
+    {"plot", verb_plot, "SESSION... [-o DIR]", "figures as .svg, .pdf, .csv and .gp", false},
+    {"compare", verb_compare, "SESSION...", "fitted parameters with u, and the truth where it is known",
+     false},
     {0}};

@@ -67,5 +67,7 @@ int verb_move(int argc, char **argv);
 int verb_stop(int argc, char **argv);
 int verb_spectrum(int argc, char **argv);
 int verb_commission(int argc, char **argv);
+int verb_plot(int argc, char **argv);
+int verb_compare(int argc, char **argv);
 
 #endif

@@ -1,0 +1,124 @@
+/* What each model leaves unexplained, as the paper argues from it: relative residuals of four models on the same data. */
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "daemon/estimator.h"
+#include "daemon/figure.h"
+#include "daemon/plot.h"
+#include "proto/units.h"
+
+#define BETA_FLOOR .005 /* of the relative residual: measurement.md 10 */
+
+static const char *const MODELS[] = {"lambert", "oren-nayar", "eq1", "composite"};
+static const char *const COLOURS[] = {"#bbbbbb", "#ddcc77", "#88ccee", "#882255"};
+#define N_MODELS ((int)(sizeof MODELS / sizeof *MODELS))
+
+extern char **environ;
+
+/* Runs `goniofit fit PATH --model all --json` and takes what it prints. */
+static json_t *fit_all(const char *path, struct err *e) {
+    char program[512], where[] = "/tmp/goniod-fit-XXXXXX";
+    if (estimator_program(NULL, program, sizeof program, e) != 0)
+        return NULL;
+    int fd = mkstemp(where);
+    if (fd < 0) {
+        err_errno(e, ERR_IO, errno, "cannot make a file for the fits in /tmp");
+        return NULL;
+    }
+    unlink(where);
+    char *argv[] = {program, "fit", (char *)path, "--model", "all", "--json", NULL};
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, fd, STDOUT_FILENO);
+    pid_t pid;
+    int status = 0, rc = posix_spawn(&pid, program, &actions, NULL, argv, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    json_t *fits = NULL;
+    if (rc != 0)
+        err_errno(e, ERR_FIT, rc, "cannot run %s", program);
+    else if (waitpid(pid, &status, 0) != pid || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
+        err_set(e, ERR_FIT, "goniofit could not fit %s", path);
+    else if (lseek(fd, 0, SEEK_SET) != 0 || !(fits = json_loadfd(fd, 0, NULL)))
+        err_set(e, ERR_FIT, "goniofit's answer for %s is not JSON", path);
+    close(fd);
+    return fits;
+}
+
+static int find_fit(const json_t *fits, const char *model, struct estimate *m) {
+    size_t i;
+    json_t *fit;
+    json_array_foreach(fits, i, fit) {
+        const char *name = json_string_value(json_object_get(fit, "model"));
+        if (name && strcmp(name, model) == 0 && estimate_from_json(fit, m, NULL) == 0)
+            return 0;
+    }
+    return -ERR_FIT;
+}
+
+static int write_residuals(struct figure *f, const struct dataset *d, const struct estimate *m) {
+    int rows = 0;
+    for (int i = 0; i < d->n; i++) {
+        const struct point *p = &d->point[i];
+        double model, u, theta_i_deg = deg_from_udeg(p->theta_i_udeg),
+                         theta_v_deg = deg_from_udeg(p->theta_v_udeg);
+        if (!isfinite(p->mean) || dataset_model(m, theta_i_deg, theta_v_deg, &model, &u, NULL) != 0)
+            continue;
+        double residual = p->mean - model;
+        fprintf(f->csv, "%s,%s,%.3f,%.3f,%.9g,%.3g,%.9g,%.6g,%.6g\n", d->sample, m->model, theta_i_deg,
+                theta_v_deg, p->mean, dataset_u_total(p), model, residual,
+                residual / fmax(p->mean, BETA_FLOOR));
+        rows++;
+    }
+    if (rows)
+        figure_next_block(f);
+    return rows;
+}
+
+static void panel(struct figure *f, const struct dataset *d, const json_t *fits) {
+    char title[200];
+    const char *glue = "plot ";
+    fprintf(
+        f->gp,
+        "set title \"%s\"\nset xlabel \"viewing angle / deg\"\nset ylabel \"(measured - model) / measured\"\n"
+        "set yrange [-1:1]\n",
+        plot_title(d, title, sizeof title));
+    for (int k = 0; k < N_MODELS; k++) {
+        struct estimate m;
+        if (find_fit(fits, MODELS[k], &m) != 0 || write_residuals(f, d, &m) == 0)
+            continue;
+        fprintf(
+            f->gp,
+            "%sdata index %d using 4:9 with points pt 7 ps 0.3 lc rgb \"%s\" title \"%s (median %.2g %%)\"",
+            glue, f->block - 1, COLOURS[k], MODELS[k], 100 * m.median_relative_error);
+        glue = ", \\\n     ";
+    }
+    fputs(glue[0] == 'p' ? "set multiplot next\n" : "\n", f->gp);
+}
+
+int plot_residual(const struct plot_set *set, bool *drawn, struct err *e) {
+    struct figure f;
+    int rc = figure_begin(&f, set->dir, "residual",
+                          "sample,model,theta_i_deg,theta_v_deg,beta,u,fitted,residual,relative", e);
+    if (rc != 0)
+        return rc;
+    figure_panels(&f, plot_rows(set->n), plot_columns(set->n), 440 * plot_columns(set->n),
+                  330 * plot_rows(set->n));
+    for (int i = 0; rc == 0 && i < set->n; i++) {
+        json_t *fits = fit_all(set->path[i], e);
+        if (fits)
+            panel(&f, &set->data[i], fits);
+        else
+            rc = -ERR_FIT;
+        json_decref(fits);
+    }
+    *drawn = true;
+    int ended = figure_end(&f, e);
+    return rc ? rc : ended;
+}
