@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "daemon/verb_live.h"
+#include "proto/number.h"
 
 #define ANSWER_MS 10000
 #define MANUAL_MS (10 * 60 * 1000) /* a homing axis may search for minutes */
@@ -133,9 +134,8 @@ int verb_move(int argc, char **argv) {
     int done = verb_parse(argc, argv, NULL, 2, 2, &args);
     if (done >= 0)
         return done;
-    char *end;
-    double deg = strtod(args.operand[1], &end);
-    if (*end || end == args.operand[1] || !isfinite(deg)) {
+    double deg;
+    if (!number_read_double(args.operand[1], &deg) || !isfinite(deg)) {
         fprintf(stderr, "gonioctl: move: '%s' is not an angle in degrees\n", args.operand[1]);
         return 2;
     }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "daemon/verb_live.h"
+#include "proto/number.h"
 
 #define SPECTRUM_MS (15 * 60 * 1000)
 
@@ -29,15 +30,17 @@ static int print_spectrum(const json_t *result, const char *path) {
     return 0;
 }
 
-static json_t *spectrum_params(const struct verb_args *args) {
-    json_t *params = json_object();
-    if (args->option[0])
-        json_object_set_new(params, "average", json_integer(atoi(args->option[0])));
-    if (args->option[1])
-        json_object_set_new(params, "exposure_ms", json_real(atof(args->option[1])));
-    if (args->option[3])
-        json_object_set_new(params, "lamp", json_false());
-    return params;
+/* Adds the number an option gives; 0 or the exit status. */
+static int add_number(json_t *params, const char *key, const char *text) {
+    double value;
+    if (!text)
+        return 0;
+    if (!number_read_double(text, &value) || !(value > 0)) {
+        fprintf(stderr, "gonioctl: spectrum: '%s' is not a number above 0 for %s\n", text, key);
+        return 2;
+    }
+    json_object_set_new(params, key, json_real(value));
+    return 0;
 }
 
 int verb_spectrum(int argc, char **argv) {
@@ -52,7 +55,14 @@ int verb_spectrum(int argc, char **argv) {
     int done = verb_parse(argc, argv, OPTIONS, 0, 0, &args);
     if (done >= 0)
         return done;
-    if (live_call(&args, "spectrum", spectrum_params(&args), SPECTRUM_MS, &result, NULL, &e) != 0)
+    json_t *params = json_object();
+    if (args.option[3])
+        json_object_set_new(params, "lamp", json_false());
+    if (add_number(params, "average", args.option[0]) || add_number(params, "exposure_ms", args.option[1])) {
+        json_decref(params);
+        return 2;
+    }
+    if (live_call(&args, "spectrum", params, SPECTRUM_MS, &result, NULL, &e) != 0)
         return verb_fail(&e, NULL);
     int rc = 0;
     if (args.json)

@@ -15,14 +15,16 @@
 static json_t *job_params(const char *path, struct err_list *errors) {
     char *text = NULL;
     struct job_file files[JOB_FILES];
+    size_t size = 0;
     int n = 0;
-    if (job_load_files(path, &text, files, &n, errors) != 0)
+    if (job_load_files(path, &text, &size, files, &n, errors) != 0)
         return NULL;
     json_t *list = json_array();
     for (int i = 0; i < n; i++)
         json_array_append_new(
             list, json_pack("{s:s, s:s%}", "name", files[i].name, "text", files[i].text, files[i].size));
-    json_t *params = json_pack("{s:{s:s, s:s}, s:o}", "job", "name", path, "text", text, "files", list);
+    json_t *params =
+        json_pack("{s:{s:s, s:s%}, s:o}", "job", "name", path, "text", text, size, "files", list);
     job_files_free(files, n);
     free(text);
     if (!params) {
