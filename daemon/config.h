@@ -1,8 +1,10 @@
 /*
  * config.h — goniod.yaml: which instruments stand on this bench and who may command them (form: design 10).
  *
- * Read by one table of keys (proto/yaml.h). A key that contradicts another is reported at its own place in
- * the same pass. Errors     -ERR_INPUT with all mistakes in the list. Checked    tests/unit/test_config.c
+ * Read by one table of keys (proto/yaml.h). A key that contradicts another is reported at its own place in the
+ * same pass.
+ * Errors     -ERR_INPUT with all mistakes in the list, in the order of their places; -ERR_IO no such file
+ * Checked    tests/unit/test_config.c
  */
 #ifndef DAEMON_CONFIG_H
 #define DAEMON_CONFIG_H

@@ -9,8 +9,8 @@
  * Refused    each with its reason: outside soft limits; blind zone; keep-out zone, or no way round one;
  *            footprint larger than sample or diffuser; between the two filling cases; not covered by the
  *            certificate; an angle at which a fixed axis does not stand.
- * Brackets   a control reading (STEP_REFERENCE, control) opens and closes them. `bracket` of a control
- * reading is the bracket it closes or, where it closes none, the one it opens; `opens` is the bracket it
+ * Brackets   a control reading (STEP_REFERENCE, control) opens and closes them. `bracket` of a control reading
+ *            is the bracket it closes or, where it closes none, the one it opens; `opens` is the bracket it
  *            opens, 0 = none: the reading shared by brackets n and n + 1 has bracket n, opens n + 1.
  * Time       a step takes the slowest of its moves, a dark where one is due, and its set of scans at a middle
  *            exposure, the geometric mean of the job's limits; the interval takes shorter and longer ones and

@@ -11,40 +11,42 @@
 struct set { /* samples that are mounted together */
     int n;
     int sample[JOB_SAMPLES];
+    int block; /* geometries read on one surface before the next comes */
 };
 
-/* The own reading of each geometry, then every sample there: the axes stand still meanwhile. */
-static void body_by_geometry(struct plan_walk *w, const struct set *set, struct plan_point *point, int n,
-                             bool repeat) {
-    bool own = w->p->job->reference.mode == REFERENCE_EVERY_GEOMETRY;
-    for (int i = 0; i < n; i++) {
-        if (own)
-            point[i].reference_step = plan_walk_reference(w, &point[i], false, repeat);
-        /* Back and forth, so that the holder turns once a geometry. */
-        for (int k = 0; k < set->n; k++)
-            plan_walk_sample(w, set->sample[i % 2 && !own ? set->n - 1 - k : k], &point[i], repeat);
+#define BLOCK_MAX 20 /* geometries between a reading of the diffuser and that of the sample there */
+
+/* How many geometries are read on one surface before the next one comes: all of a bracket where a person
+ * changes it; else so many that turning the holder costs no more than moving between them. */
+static int block_size(const struct plan_walk *w, const struct set *set) {
+    const struct planner *p = w->p;
+    int surfaces = set->n + (p->job->reference.mode == REFERENCE_EVERY_GEOMETRY);
+    if (surfaces == 1 || plan_walk_by_hand(w, set->sample[0]))
+        return PLAN_POINTS_MAX;
+    int64_t way_us = 0, swap_us = plan_walk_swap_us(p, PLAN_REFERENCE, set->sample[0]);
+    for (int i = 1; i < p->points.n; i++) {
+        const struct plan_point *a = &p->points.item[i - 1], *b = &p->points.item[i];
+        way_us += plan_move_time_us(p, &(struct plan_pose){a->source_udeg, a->sample_udeg, 0},
+                                    &(struct plan_pose){b->source_udeg, b->sample_udeg, 0});
     }
+    int64_t leg_us = way_us / p->points.n + 1, size = swap_us / leg_us + 1;
+    return size > BLOCK_MAX ? BLOCK_MAX : (int)size;
 }
 
-/* Where a person changes the surface: all readings of one, then all of the next on the way back. */
-static void body_by_surface(struct plan_walk *w, const struct set *set, struct plan_point *point, int n,
-                            bool repeat) {
-    bool back = false;
-    if (w->p->job->reference.mode == REFERENCE_EVERY_GEOMETRY) {
+/* A block: the diffuser at each geometry where it is read everywhere, then each sample, always in the same
+ * direction: the way back hides behind the change of the surface. */
+static void block(struct plan_walk *w, const struct set *set, struct plan_point *point, int n, bool repeat) {
+    if (w->p->job->reference.mode == REFERENCE_EVERY_GEOMETRY)
         for (int i = 0; i < n; i++)
             point[i].reference_step = plan_walk_reference(w, &point[i], false, repeat);
-        back = true;
-    }
-    for (int k = 0; k < set->n; k++, back = !back)
+    for (int k = 0; k < set->n; k++)
         for (int i = 0; i < n; i++)
-            plan_walk_sample(w, set->sample[k], &point[back ? n - 1 - i : i], repeat);
+            plan_walk_sample(w, set->sample[k], &point[i], repeat);
 }
 
 static void body(struct plan_walk *w, const struct set *set, struct plan_point *point, int n, bool repeat) {
-    if (plan_walk_by_hand(w, set->sample[0]))
-        body_by_surface(w, set, point, n, repeat);
-    else
-        body_by_geometry(w, set, point, n, repeat);
+    for (int first = 0; first < n; first += set->block)
+        block(w, set, point + first, n - first < set->block ? n - first : set->block, repeat);
 }
 
 /* Time from the opening to the closing reading of a bracket that holds n points; nothing is kept. */
@@ -185,7 +187,7 @@ static int measure_all(struct plan_walk *w, const struct set *sets, int n_sets, 
 }
 
 int plan_build_steps(struct planner *p) {
-    struct set sets[JOB_SAMPLES];
+    struct set sets[JOB_SAMPLES] = {0};
     struct plan_walk walk;
     struct plan_point *point = malloc((size_t)p->points.n * sizeof *point);
     if (!point)
@@ -193,6 +195,8 @@ int plan_build_steps(struct planner *p) {
     int n_sets = mount_sets(p, sets);
     choose(p, &sets[0], point, false);
     plan_walk_init(&walk, p, sets[0].sample, sets[0].n);
+    for (int k = 0; k < n_sets; k++)
+        sets[k].block = block_size(&walk, &sets[k]);
     int rc = measure_all(&walk, sets, n_sets, point);
     free(point);
     p->n_darks = walk.n_darks;

@@ -23,7 +23,7 @@
 
 int64_t plan_axis_time_us(const struct planner *p, enum stage_axis axis, int32_t distance_udeg) {
     const struct profile *profile = p->devices->profile[axis];
-    return profile && distance_udeg != 0 ? axis_move_time_us(profile, abs(distance_udeg)) : 0;
+    return profile && distance_udeg != 0 ? axis_move_time_us(profile, distance_udeg) : 0;
 }
 
 int64_t plan_move_time_us(const struct planner *p, const struct plan_pose *from, const struct plan_pose *to) {
@@ -65,10 +65,13 @@ int64_t plan_hold_time_us(void) {
     return HOLD_US;
 }
 
+/* A move against the backlash approach takes longer; for the order of points the mean of both ways counts. */
 void plan_travel_table(struct planner *p) {
     for (int axis = 0; axis < 2; axis++)
         for (int i = 0; i < PLAN_TRAVEL; i++)
-            p->travel_us[axis][i] = plan_axis_time_us(p, (enum stage_axis)axis, i * PLAN_TRAVEL_UDEG);
+            p->travel_us[axis][i] = (plan_axis_time_us(p, (enum stage_axis)axis, i * PLAN_TRAVEL_UDEG) +
+                                     plan_axis_time_us(p, (enum stage_axis)axis, -i * PLAN_TRAVEL_UDEG)) /
+                                    2;
 }
 
 static void estimate_interval(struct planner *p, int64_t sets) {

@@ -36,6 +36,15 @@ bool plan_walk_by_hand(const struct plan_walk *w, int sample) {
     return plan_walk_place(w->p, sample) == plan_walk_place(w->p, PLAN_REFERENCE);
 }
 
+int64_t plan_walk_swap_us(const struct planner *p, int from, int to) {
+    const struct config_axis *holder = &p->config->holder;
+    if (holder->kind != CONFIG_AXIS_MOTOR)
+        return 0;
+    double deg =
+        holder->position[plan_walk_place(p, to)].deg - holder->position[plan_walk_place(p, from)].deg;
+    return plan_axis_time_us(p, STAGE_HOLDER, udeg_from_deg(deg));
+}
+
 static struct step *add_step(struct plan_walk *w, enum step_kind kind) {
     struct plan *plan = w->p->plan;
     /* Grows by doubling at each power of two; a trial that was put back has its room already. */

@@ -1,6 +1,5 @@
 /*
- * plan_walk.h — one walk along the bench while steps are written down: what stands where, and what time it
- * is.
+ * plan_walk.h — one walk along the bench while steps are written down: what stands where, and what time it is.
  *
  * A walk knows the pose of the axes, which surface is mounted at each place of the holder, when the last dark
  * was taken and when the bracket was opened. It adds the holds that a reading needs first. A copy of a walk
@@ -32,6 +31,8 @@ void plan_walk_init(struct plan_walk *w, struct planner *p, const int *sample, i
 int plan_walk_place(const struct planner *p, int surface); /* -1: the holder has no such position */
 /* Whether a person has to exchange the diffuser and this sample in every bracket. */
 bool plan_walk_by_hand(const struct plan_walk *w, int sample);
+/* Time a motorised holder needs from one surface to another. */
+int64_t plan_walk_swap_us(const struct planner *p, int from, int to);
 void plan_walk_start(struct plan_walk *w, const struct plan_point *control); /* first holds, warm-up */
 void plan_walk_open(struct plan_walk *w, const struct plan_point *control);
 void plan_walk_close(struct plan_walk *w, const struct plan_point *control);
