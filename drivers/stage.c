@@ -145,20 +145,23 @@ static void stop_the_rest(const struct moving *m) {
             axis_order_stop(m->stage->axis[i]);
 }
 
-static int wait_for(struct moving *m, const struct cancel *cancel, struct err *e) {
+/* Ends what failed or was cancelled: after a cancel its caller waits for standstill, with its own deadline. */
+static int end_early(struct moving *m, int result, const struct cancel *cancel) {
     struct bench *bench = m->stage->bench;
-    int waited = bench_wait(bench, CLOCK_NEVER, all_over_or_one_failed, m, cancel);
+    stop_the_rest(m);
+    if (result != -ERR_CANCELLED)
+        bench_wait(bench, clock_now_us(bench->clock) + STANDSTILL_US, moved_stand, m, cancel);
+    return result;
+}
+
+static int wait_for(struct moving *m, const struct cancel *cancel, struct err *e) {
+    int waited = bench_wait(m->stage->bench, CLOCK_NEVER, all_over_or_one_failed, m, cancel);
     int result = first_failure(m, e);
     if (result == 0 && waited == -ERR_CANCELLED)
         result = err_set(e, ERR_CANCELLED, "the move was cancelled");
     else if (result == 0 && waited < 0)
         result = err_set(e, -waited, "nothing is left that could end the move");
-    if (result == 0)
-        return 0;
-    stop_the_rest(m);
-    if (result != -ERR_CANCELLED)
-        bench_wait(bench, clock_now_us(bench->clock) + STANDSTILL_US, moved_stand, m, cancel);
-    return result;
+    return result ? end_early(m, result, cancel) : 0;
 }
 
 int stage_move(struct stage *s, const struct stage_target *to, const struct cancel *cancel,
@@ -175,10 +178,7 @@ int stage_move(struct stage *s, const struct stage_target *to, const struct canc
             result = axis_begin_move(s->axis[i], to->udeg[i], e);
         moving.axis[i] = result == 0;
     }
-    if (result)
-        stop_the_rest(&moving);
-    else
-        result = wait_for(&moving, cancel, e);
+    result = result ? end_early(&moving, result, cancel) : wait_for(&moving, cancel, e);
     stage_read(s, reading);
     return result;
 }
