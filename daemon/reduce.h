@@ -24,7 +24,7 @@
  *            point.
  * Errors     -ERR_INPUT exposure and calibration do not fit; -ERR_STATE a bracket or reference is missing;
  *            -ERR_RANGE the certificate does not cover the reference geometry; whatever the sink returns.
- * Checked    tests/unit/test_reduce.c by hand, tests/unit/test_reduce_bench.c against light and electrons
+ * Checked    tests/unit/test_reduce.c and test_reduce_order.c by hand, tests/unit/test_reduce_bench.c against light and electrons
  */
 #ifndef DAEMON_REDUCE_H
 #define DAEMON_REDUCE_H

@@ -106,23 +106,22 @@ static double take_scan(struct pixel_stats *stats, const struct calibration *c, 
     double dark = electric_dark(c, counts), scale = FULL_SCALE / c->saturation, total = 0;
     int n = c->active_last - c->active_first + 1;
     for (int i = 0; i < n; i++) {
-        double raw = counts[c->active_first + i] - dark, s = raw * scale, p = 1, d = 0;
+        double s = (counts[c->active_first + i] - dark) * scale, p = 1, d = 0;
         if (c->nonlinearity_used)
             p = linearity(c, s, &d);
         linear[i] = s / p;
         stats[i].sum += linear[i];
-        stats[i].raw += raw;
         stats[i].slope += (p - s * d) / (p * p);
         total += linear[i];
     }
     return total / n;
 }
 
-/* Variance of one pixel in one scan by the count-noise model, linear counts (spectrometer-ocean.md 7). */
+/* Variance of one pixel in one scan by the count-noise model, linear counts (spectrometer-ocean.md 7, whose figures
+ * are of counts on the scale of 65535): reading noise arises before linearisation, shot noise in the light itself. */
 static double model_variance(const struct calibration *c, const struct pixel_stats *s, int n_scans) {
-    double slope = s->slope / n_scans * (FULL_SCALE / c->saturation), raw = s->raw / n_scans;
-    double shot = raw > 0 ? raw / c->electrons_per_count : 0;
-    return slope * slope * (c->read_noise_counts * c->read_noise_counts + shot);
+    double read = s->slope / n_scans * c->read_noise_counts, linear = s->sum / n_scans;
+    return read * read + (linear > 0 ? linear / c->electrons_per_count : 0);
 }
 
 /* 99.9 % point of chi2 / degrees of freedom, Wilson and Hilferty 1931; 3.0902 is the normal quantile. */
@@ -156,8 +155,7 @@ static void test_scatter(struct spectrum *out, const struct calibration *c, cons
 
 static void fill_band(struct spectrum *out, const struct calibration *c, const struct resampler *bands,
                       int band, const struct pixel_stats *stats, const double *variance, int n_scans) {
-    double electric = FULL_SCALE / c->saturation * c->read_noise_counts /
-                      sqrt((double)(c->dark_last - c->dark_first + 1) * n_scans);
+    double electric = c->read_noise_counts / sqrt((double)(c->dark_last - c->dark_first + 1) * n_scans);
     const double *w = bands->weight[band];
     double value = 0, var = 0, slope = 0, cov = 0;
     for (int p = bands->first[band]; p <= bands->last[band]; p++) {

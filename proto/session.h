@@ -13,7 +13,7 @@
  * Errors     -ERR_FULL disk full (the transaction is rolled back whole); -ERR_BUSY another daemon has it open for
  *            writing; -ERR_INPUT truncated or not a goniod session; -ERR_STATE a row that would break a promise
  *            (settled < start < end, a point superseded twice, a text written twice); -ERR_IO with errno.
- * Checked    tests/unit/test_session.c, tests/unit/test_session_format.py, tests/crash/test_session_kill.c
+ * Checked    tests/unit/test_session*.c, tests/unit/test_session_format.py, tests/crash/test_session_kill.c
  */
 #ifndef PROTO_SESSION_H
 #define PROTO_SESSION_H

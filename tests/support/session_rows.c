@@ -1,5 +1,10 @@
 #include "tests/support/session_rows.h"
 
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
 #include <math.h>
 #include <dirent.h>
 #include <stdio.h>
@@ -131,6 +136,28 @@ void row_calibration(struct calibration *c) {
                               .saturation = 60000,
                               .read_noise_counts = 50,
                               .electrons_per_count = 0.99};
+}
+
+struct session *row_fill(const char *path, int n_points) {
+    struct session *s;
+    struct calibration c;
+    uint16_t counts[ROW_SCANS * ROW_PIXELS];
+    OK(session_create(&s, path, e));
+    row_calibration(&c);
+    OK(session_set_calibration(s, &c, e));
+    OK(session_set_text(s, "job", "name: test\nsamples: []\t# tab\n", e));
+    OK(session_set_text(s, "seed", "17", e));
+    for (int n = 1; n <= n_points; n++) {
+        struct exposure x;
+        struct point p;
+        row_exposure(n, &x, counts);
+        OK(session_add_exposure(s, &x, e));
+        assert_int_equal(x.id, n);
+        row_point(n, x.id, &p);
+        OK(session_add_point(s, &p, e));
+        assert_int_equal(p.id, n);
+    }
+    return s;
 }
 
 void row_make_folder(char folder[64], char path[96]) {

@@ -9,12 +9,23 @@
 #define ROW_PIXELS 64
 #define ROW_SCANS 3
 
+/* A call that must succeed; inside it, e is a struct err *. */
+#define OK(call)                                                                                             \
+    do {                                                                                                     \
+        struct err e_ = {0}, *e = &e_;                                                                       \
+        if ((call) < 0)                                                                                      \
+            fail_msg("%s: %s", #call, e_.text);                                                              \
+    } while (0)
+
 /* counts: the caller's, ROW_SCANS * ROW_PIXELS. */
 void row_exposure(int n, struct exposure *x, uint16_t *counts);
 void row_point(int n, int64_t exposure_id, struct point *p);
 void row_bracket(int n, struct bracket *b);
 void row_estimate(int n, struct estimate *m);
 void row_calibration(struct calibration *c);
+
+/* A session open for writing: calibration, texts "job" and "seed", and n exposures with a provisional point each. */
+struct session *row_fill(const char *path, int n_points);
 
 /* A fresh path in a folder of its own under TMPDIR; row_remove_folder deletes both. */
 void row_make_folder(char folder[64], char path[96]);

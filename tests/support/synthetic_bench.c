@@ -109,27 +109,27 @@ static double flux(const struct synthetic *s, double beta, double theta_i_deg, d
     return collected / (s->beam_in_view ? 7 / (7 * PI) : norm);
 }
 
-/* Raw counts above the offset that the linear counts show as: solves linear = s / P(s) for s. */
+/* Counts on the scale of 65535 that the linear counts show as: solves linear = s / P(s) for s. */
 static double bend(const struct calibration *c, double linear) {
     double s = linear;
-    for (int k = 0; k < 60; k++)
+    for (int k = 0; k < 40; k++)
         s = linear * (c->nonlinearity[0] + s * (c->nonlinearity[1] + s * c->nonlinearity[2]));
-    return s * c->saturation / 65535;
+    return s;
 }
 
-static uint16_t digitise(const struct synthetic *s, double counts) {
-    double x = floor(counts + 0.5);
+static uint16_t digitise(const struct synthetic *s, double scaled) {
+    double x = floor(scaled * s->calibration.saturation / 65535 + 0.5);
     return (uint16_t)(x < 0 ? 0 : x > s->calibration.saturation ? s->calibration.saturation : x);
 }
 
-static void take_scan(struct synthetic *s, const double *level, uint16_t *counts) {
-    const struct calibration *c = &s->calibration;
+struct level { /* of one pixel: counts above the offset and their standard deviation in one scan */
+    double scaled, u;
+};
+
+static void take_scan(struct synthetic *s, const struct level *level, uint16_t *counts) {
     for (int p = 0; p < PIXELS; p++) {
-        double u = c->read_noise_counts;
-        if (p >= c->active_first)
-            u = sqrt(u * u + level[p] / c->electrons_per_count);
-        double noise = s->noise ? u * s->extra_noise * synthetic_gauss(s) : 0;
-        counts[p] = digitise(s, 1200 + level[p] + noise);
+        double noise = s->noise ? level[p].u * s->extra_noise * synthetic_gauss(s) : 0;
+        counts[p] = digitise(s, 1200 + level[p].scaled + noise);
     }
 }
 
@@ -140,15 +140,19 @@ static double beta_in_beam(const struct synthetic *s, enum exposure_kind kind, d
     return kind == EXPOSURE_REFERENCE ? synthetic_reference_beta(s, i_deg, v_deg, lambda_nm) : 0;
 }
 
-/* Counts above the offset without noise: light, thermal dark with its pattern, bent together. */
+/* Light and thermal dark with its pattern, bent together; shot noise is the light's, reading noise comes after. */
 static void find_levels(const struct synthetic *s, enum exposure_kind kind, double i_deg, double v_deg,
-                        int exposure_us, double *level) {
+                        int exposure_us, struct level *level) {
+    const struct calibration *c = &s->calibration;
     for (int p = 0; p < PIXELS; p++) {
-        double l = calibration_lambda_nm(&s->calibration, p), away = (l - 600) / 220;
-        double light = flux(s, beta_in_beam(s, kind, i_deg, v_deg, l), i_deg, v_deg) * s->full *
-                       exp(-away * away) * exposure_us * 1e-3;
-        double thermal = exposure_us * 1e-3 * (0.3 + 0.1 * (p % 7));
-        level[p] = p < s->calibration.active_first ? 0 : bend(&s->calibration, light + thermal);
+        double l = calibration_lambda_nm(c, p), away = (l - 600) / 220, ms = exposure_us * 1e-3;
+        double light =
+            flux(s, beta_in_beam(s, kind, i_deg, v_deg, l), i_deg, v_deg) * s->full * exp(-away * away);
+        double linear = p < c->active_first ? 0 : (light + 0.3 + 0.1 * (p % 7)) * ms;
+        double shot = sqrt(linear / c->electrons_per_count);
+        level[p].scaled = bend(c, linear);
+        double bent = bend(c, linear + shot) - level[p].scaled;
+        level[p].u = sqrt(c->read_noise_counts * c->read_noise_counts + bent * bent);
     }
 }
 
@@ -159,7 +163,7 @@ void synthetic_wait(struct synthetic *s, double seconds) {
 
 void synthetic_expose(struct synthetic *s, enum exposure_kind kind, double theta_i_deg, double theta_v_deg,
                       int exposure_us, struct exposure *x) {
-    double level[PIXELS];
+    struct level level[PIXELS];
     int32_t i_udeg = (int32_t)lround(theta_i_deg * 1e6), v_udeg = (int32_t)lround(theta_v_deg * 1e6);
     find_levels(s, kind, theta_i_deg, theta_v_deg, exposure_us, level);
     *x = (struct exposure){.id = s->next_id++,

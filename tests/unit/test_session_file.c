@@ -1,0 +1,390 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <sqlite3.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "tests/support/session_rows.h"
+
+static char folder[64], path[96];
+
+static int make_folder(void **state) {
+    (void)state;
+    row_make_folder(folder, path);
+    return 0;
+}
+
+static int remove_folder(void **state) {
+    (void)state;
+    row_remove_folder(folder);
+    return 0;
+}
+
+static struct session *fill(int n_points) {
+    return row_fill(path, n_points);
+}
+
+static void closing_leaves_one_file(void **state) {
+    (void)state;
+    struct session *s = fill(3);
+    char name[120];
+    snprintf(name, sizeof name, "%s-wal", path);
+    assert_int_equal(access(name, F_OK), 0);
+    OK(session_close(s, e));
+    static const char *const tails[] = {"-wal", "-shm", "-lock", "-journal"};
+    for (int i = 0; i < 4; i++) {
+        snprintf(name, sizeof name, "%s%s", path, tails[i]);
+        assert_int_not_equal(access(name, F_OK), 0);
+    }
+    assert_int_equal(session_create(&s, path, NULL), -ERR_BUSY);
+}
+
+static int count_point(void *arg, const struct point *p) {
+    (void)p;
+    ++*(int *)arg;
+    return 0;
+}
+
+static void a_reader_sees_a_live_writer_and_a_second_writer_is_refused(void **state) {
+    (void)state;
+    struct session *s = fill(2), *reader, *other;
+    struct err e = {0};
+    assert_int_equal(session_open(&other, path, false, &e), -ERR_BUSY);
+    assert_non_null(strstr(e.text, "another goniod"));
+    OK(session_open(&reader, path, true, e));
+    int n = 0;
+    OK(session_each_point(reader, true, count_point, &n, e));
+    assert_int_equal(n, 2);
+    struct point p;
+    row_point(3, 1, &p);
+    OK(session_begin(s, e));
+    OK(session_add_point(s, &p, e));
+    n = 0;
+    OK(session_each_point(reader, true, count_point, &n, e));
+    assert_int_equal(n, 2);
+    OK(session_commit(s, e));
+    n = 0;
+    OK(session_each_point(reader, true, count_point, &n, e));
+    assert_int_equal(n, 3);
+    assert_int_equal(session_add_point(reader, &p, NULL), -ERR_STATE);
+    OK(session_close(reader, e));
+    OK(session_close(s, e));
+}
+
+/* Another program's hands on the file, with nothing of ours in between. */
+static int raw_sql(const char *sql) {
+    sqlite3 *db;
+    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    int rc = sqlite3_exec(db, sql, NULL, NULL, NULL);
+    sqlite3_close(db);
+    return rc;
+}
+
+static void tables_are_insert_only(void **state) {
+    (void)state;
+    OK(session_close(fill(2), e));
+    assert_int_equal(raw_sql("UPDATE point SET mean = 1"), SQLITE_CONSTRAINT);
+    assert_int_equal(raw_sql("DELETE FROM exposure WHERE id = 2"), SQLITE_CONSTRAINT);
+    assert_int_equal(raw_sql("UPDATE fact SET value = 'x'"), SQLITE_CONSTRAINT);
+    assert_int_equal(raw_sql("INSERT INTO event VALUES (NULL, 1, 'note', '')"), SQLITE_OK);
+}
+
+static void a_final_point_supersedes_its_provisional_one_once(void **state) {
+    (void)state;
+    struct session *s = fill(2);
+    struct point p;
+    row_point(1, 1, &p);
+    p.provisional = false;
+    p.supersedes = 1;
+    OK(session_add_point(s, &p, e));
+    assert_int_equal(p.id, 3);
+    assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
+    p.supersedes = 99;
+    assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
+    p.supersedes = 2;
+    p.exposure_id = 99;
+    assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
+    int all = 0, standing = 0;
+    OK(session_each_point(s, true, count_point, &all, e));
+    OK(session_each_point(s, false, count_point, &standing, e));
+    assert_int_equal(all, 3);
+    assert_int_equal(standing, 2);
+    OK(session_close(s, e));
+}
+
+static void a_failed_row_spoils_its_transaction(void **state) {
+    (void)state;
+    struct session *s = fill(1);
+    struct point p;
+    OK(session_begin(s, e));
+    row_point(2, 1, &p);
+    OK(session_add_point(s, &p, e));
+    p.exposure_id = 99;
+    assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
+    assert_int_equal(session_add_event(s, 1, "note", "", NULL), -ERR_STATE);
+    assert_int_equal(session_commit(s, NULL), -ERR_STATE);
+    int n = 0;
+    OK(session_each_point(s, true, count_point, &n, e));
+    assert_int_equal(n, 1);
+    OK(session_close(s, e));
+}
+
+static void an_exposure_out_of_order_is_refused(void **state) {
+    (void)state;
+    struct session *s = fill(0);
+    uint16_t counts[ROW_SCANS * ROW_PIXELS];
+    struct exposure x;
+    struct err e = {0};
+    row_exposure(1, &x, counts);
+    x.start_us = x.settled_us;
+    assert_int_equal(session_add_exposure(s, &x, &e), -ERR_STATE);
+    assert_non_null(strstr(e.text, "settled"));
+    x.kind = EXPOSURE_DARK;
+    OK(session_add_exposure(s, &x, e));
+    x.end_us = x.start_us;
+    assert_int_equal(session_add_exposure(s, &x, NULL), -ERR_STATE);
+    OK(session_close(s, e));
+}
+
+/* A limit on the size of files stands in for the full disk: the kernel refuses the same write. */
+static void write_until_full(void) {
+    struct session *s = fill(20);
+    struct rlimit limit = {60000, 60000};
+    signal(SIGXFSZ, SIG_IGN);
+    struct stat st;
+    char log[120];
+    snprintf(log, sizeof log, "%s-wal", path);
+    stat(log, &st);
+    limit.rlim_cur = (rlim_t)st.st_size + 200000;
+    limit.rlim_max = RLIM_INFINITY;
+    setrlimit(RLIMIT_FSIZE, &limit);
+    struct err e = {0};
+    int rc = 0, stored = 20;
+    uint16_t counts[ROW_SCANS * ROW_PIXELS];
+    while (rc == 0 && stored < 10000) {
+        struct exposure x;
+        struct point p;
+        row_exposure(stored + 1, &x, counts);
+        rc = session_begin(s, &e);
+        if (rc == 0)
+            rc = session_add_exposure(s, &x, &e);
+        row_point(stored + 1, x.id, &p);
+        if (rc == 0)
+            rc = session_add_point(s, &p, &e);
+        if (rc == 0)
+            rc = session_commit(s, &e);
+        stored += rc == 0;
+    }
+    if (rc != -ERR_FULL || !strstr(e.text, "no space"))
+        _exit(1);
+    session_rollback(s);
+    int n = 0;
+    session_each_point(s, true, count_point, &n, NULL);
+    if (n != stored)
+        _exit(2);
+    limit.rlim_cur = RLIM_INFINITY;
+    setrlimit(RLIMIT_FSIZE, &limit);
+    struct exposure x;
+    row_exposure(stored + 1, &x, counts);
+    if (session_add_exposure(s, &x, NULL) != 0 || x.id != stored + 1 || session_close(s, NULL) != 0)
+        _exit(3);
+    _exit(0);
+}
+
+static void a_full_disk_loses_no_committed_row(void **state) {
+    (void)state;
+    pid_t child = fork();
+    if (child == 0)
+        write_until_full();
+    int status;
+    waitpid(child, &status, 0);
+    assert_true(WIFEXITED(status));
+    assert_int_equal(WEXITSTATUS(status), 0);
+    struct err_list found = {0};
+    OK(session_verify(path, &found, e));
+    err_list_free(&found);
+}
+
+static void expect_refused(int code, const char *word) {
+    struct session *s;
+    struct err e = {0};
+    assert_int_equal(session_open(&s, path, true, &e), -code);
+    if (!strstr(e.text, word))
+        fail_msg("'%s' does not say '%s'", e.text, word);
+}
+
+static void write_file(const void *bytes, size_t size) {
+    FILE *f = fopen(path, "wb");
+    assert_non_null(f);
+    fwrite(bytes, 1, size, f);
+    fclose(f);
+}
+
+static void foreign_and_broken_files_are_named(void **state) {
+    (void)state;
+    expect_refused(ERR_IO, "No such file");
+    write_file("", 0);
+    expect_refused(ERR_INPUT, "empty");
+    char noise[5000];
+    for (size_t i = 0; i < sizeof noise; i++)
+        noise[i] = (char)(i * 2654435761u >> 13);
+    write_file(noise, sizeof noise);
+    expect_refused(ERR_INPUT, "not a goniod session");
+    unlink(path);
+    assert_int_equal(raw_sql("CREATE TABLE other (x)"), SQLITE_OK);
+    expect_refused(ERR_INPUT, "another program");
+    unlink(path);
+    mkdir(path, 0755);
+    expect_refused(ERR_INPUT, "not a file");
+    rmdir(path);
+    OK(session_close(fill(5), e));
+    struct stat st;
+    stat(path, &st);
+    assert_int_equal(truncate(path, st.st_size / 2), 0);
+    expect_refused(ERR_INPUT, "truncated");
+    unlink(path);
+    OK(session_close(fill(1), e));
+    assert_int_equal(raw_sql("PRAGMA user_version = 99"), SQLITE_OK);
+    expect_refused(ERR_INPUT, "newer goniod");
+}
+
+static void network_file_systems_are_known(void **state) {
+    (void)state;
+    assert_string_equal(session_network_filesystem(0x6969), "NFS");
+    assert_string_equal(session_network_filesystem(0xFF534D42), "CIFS");
+    assert_string_equal(session_network_filesystem(0xFFFFFFFFFF534D42),
+                        "CIFS"); /* f_type is signed on some */
+    assert_string_equal(session_network_filesystem(0x65735546), "FUSE");
+    assert_null(session_network_filesystem(0xEF53));     /* ext4 */
+    assert_null(session_network_filesystem(0x01021994)); /* tmpfs */
+    assert_null(session_network_filesystem(0x794C7630)); /* overlay */
+}
+
+static char *dump_text(const char *file) {
+    struct session *s;
+    char *text;
+    size_t size;
+    FILE *out = open_memstream(&text, &size);
+    OK(session_open(&s, file, true, e));
+    OK(session_dump(s, out, e));
+    OK(session_close(s, e));
+    fclose(out);
+    return text;
+}
+
+static void a_copy_of_a_live_session_is_whole(void **state) {
+    (void)state;
+    struct session *s = fill(5);
+    char copy[120];
+    snprintf(copy, sizeof copy, "%s/copy.gonio", folder);
+    OK(session_copy(path, copy, e));
+    assert_int_equal(session_copy(path, copy, NULL), -ERR_BUSY);
+    char *a = dump_text(path), *b = dump_text(copy);
+    assert_string_equal(a, b);
+    assert_non_null(strstr(a, "fact\tkey=job\tvalue=name: test\\nsamples: []\\t# tab\\n\n"));
+    assert_non_null(strstr(a, "theta_v_udeg=-20000001"));
+    assert_non_null(strstr(a, "u_ind=0.00050000000000000001"));
+    free(a);
+    free(b);
+    OK(session_close(s, e));
+    struct err_list found = {0};
+    OK(session_verify(copy, &found, e));
+    char name[140];
+    snprintf(name, sizeof name, "%s-wal", copy);
+    assert_int_not_equal(access(name, F_OK), 0);
+    err_list_free(&found);
+}
+
+static void verify_finds(const char *sql, const char *word) {
+    struct err_list found = {0};
+    OK(session_close(fill(4), e));
+    assert_int_equal(session_verify(path, &found, NULL), 0);
+    assert_int_equal(raw_sql(sql), SQLITE_OK);
+    assert_int_equal(session_verify(path, &found, NULL), -ERR_INPUT);
+    if (!strstr(found.item[0].text, word))
+        fail_msg("'%s' does not say '%s'", found.item[0].text, word);
+    err_list_free(&found);
+    unlink(path);
+}
+
+static void verify_finds_what_was_tampered_with(void **state) {
+    (void)state;
+    verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET start_us = settled_us WHERE id = 2",
+                 "exposure 2: settled < start < end");
+    verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET end_us = 9000000 WHERE id = 2",
+                 "exposure 2: the next one begins");
+    verify_finds("DROP TRIGGER exposure_no_delete; DELETE FROM exposure WHERE id = 3",
+                 "its exposure is missing");
+    verify_finds(
+        "INSERT INTO point SELECT NULL, 1, 1, 2, bracket, tau_us, tau_r_us, theta_i_udeg, theta_v_udeg, "
+        "saturated, scan_f, noisy, mean, mean_u_ind, mean_u_common FROM point WHERE id = 1",
+        "supersedes");
+    verify_finds(
+        "INSERT INTO point SELECT NULL, NULL, 1, 2, bracket, tau_us, tau_r_us, theta_i_udeg, theta_v_udeg, "
+        "saturated, scan_f, noisy, mean, mean_u_ind, mean_u_common FROM point WHERE id = 1",
+        "2 points stand");
+    verify_finds("DROP TRIGGER point_no_update; UPDATE point SET provisional = 0 WHERE id = 1",
+                 "never closed");
+    verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET counts = x'00' WHERE id = 1",
+                 "spectra");
+}
+
+static void damage_inside_is_found(void **state) {
+    (void)state;
+    OK(session_close(fill(40), e));
+    int fd = open(path, O_RDWR);
+    char noise[3000];
+    memset(noise, 0xA5, sizeof noise);
+    assert_int_equal(pwrite(fd, noise, sizeof noise, 4096 * 12), sizeof noise);
+    close(fd);
+    struct err_list found = {0};
+    assert_int_equal(session_verify(path, &found, NULL), -ERR_INPUT);
+    err_list_free(&found);
+}
+
+static void a_reader_does_not_stop_the_close(void **state) {
+    (void)state;
+    struct session *s = fill(3), *reader;
+    OK(session_open(&reader, path, true, e));
+    OK(session_close(s, e));
+    int n = 0;
+    OK(session_each_point(reader, true, count_point, &n, e));
+    assert_int_equal(n, 3);
+    OK(session_close(reader, e));
+    OK(session_open(&s, path, false, e));
+    OK(session_close(s, e));
+    char log[120];
+    snprintf(log, sizeof log, "%s-wal", path);
+    assert_int_not_equal(access(log, F_OK), 0);
+}
+
+#define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        TEST(closing_leaves_one_file),
+        TEST(a_reader_sees_a_live_writer_and_a_second_writer_is_refused),
+        TEST(tables_are_insert_only),
+        TEST(a_final_point_supersedes_its_provisional_one_once),
+        TEST(a_failed_row_spoils_its_transaction),
+        TEST(an_exposure_out_of_order_is_refused),
+        TEST(a_full_disk_loses_no_committed_row),
+        TEST(foreign_and_broken_files_are_named),
+        TEST(network_file_systems_are_known),
+        TEST(a_copy_of_a_live_session_is_whole),
+        TEST(verify_finds_what_was_tampered_with),
+        TEST(damage_inside_is_found),
+        TEST(a_reader_does_not_stop_the_close),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
