@@ -282,7 +282,6 @@ static void read_serial(libusb_device *device, libusb_device_handle *handle, str
 
 static int claim(libusb_device_handle *handle) {
     int configuration = 0;
-    libusb_set_auto_detach_kernel_driver(handle, 1);
     int rc = libusb_get_configuration(handle, &configuration);
     /* Setting it again would reset the endpoints of a device that another program may hold. */
     if (rc == 0 && configuration != CONFIGURATION)
