@@ -122,6 +122,10 @@ static void check_pair_on_bus(const struct check *c, int a, int b) {
         complain(c, written(c, key) ? key : path_b,
                  "%s and %s share %s but not their baud: one bus has one speed", path_a, path_b,
                  second->link);
+    snprintf(key, sizeof key, "%s.response_ms", path_b);
+    if (first->response_ms != second->response_ms)
+        complain(c, written(c, key) ? key : path_b, "%s and %s share %s but not their response_ms", path_a,
+                 path_b, second->link);
     snprintf(key, sizeof key, "%s.parity", path_b);
     if (first->parity != second->parity)
         complain(c, written(c, key) ? key : path_b, "%s and %s share %s but not their parity", path_a, path_b,

@@ -113,6 +113,8 @@ static void read_certificate(struct job *job, const struct job_file *files, int 
         return;
     for (int i = 0; i < n_files; i++)
         if (strcmp(files[i].name, job->reference.certificate_file) == 0) {
+            if (!files[i].text)
+                return;
             if (certificate_read_text(files[i].name, files[i].text, files[i].size, &job->certificate,
                                       errors) == 0)
                 check_wavelengths(job, errors);

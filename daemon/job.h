@@ -84,7 +84,7 @@ struct job {
 
 struct job_file { /* a file the job names, as sent */
     char name[128];
-    const char *text;
+    const char *text; /* NULL: could not be read, which has been said */
     size_t size;
 };
 

@@ -63,7 +63,8 @@ static void print_summary(const struct plan *plan, const struct job *job, FILE *
     print_time(plan, out);
     print_space(plan, out);
     if (plan->n_holds > 0)
-        fprintf(out, "A person is needed %d times, a minute each is counted.\n", plan->n_holds);
+        fprintf(out, "A person is needed %d time%s; a minute is counted for each.\n", plan->n_holds,
+                plan->n_holds == 1 ? "" : "s");
 }
 
 static void print_holds(const struct plan *plan, FILE *out) {

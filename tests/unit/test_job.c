@@ -224,8 +224,15 @@ static void files_are_read_from_beside_the_job(void **state) {
     err_list_free(&errors);
     put(path, good);
     assert_true(job_load_files(path, &text, &size, files, &n, &errors) < 0);
+    assert_int_equal(errors.n, 1);
     assert_int_equal(errors.item[0].line, 8); /* names the key that names the missing file */
     err_list_free(&errors);
+    put(path, "name: a b\nsamples: [{name: x, size_mm: [60, 40]}]\ngeometry: {pairs: [[1, 1]]}\n"
+              "reference: {certificate: ptfe.csv}\n");
+    assert_true(job_load_files(path, &text, &size, files, &n, &errors) < 0);
+    assert_int_equal(errors.n, 2); /* and what else is wrong with the job */
+    err_list_free(&errors);
+    put(path, good);
     char beside[80], *certificate = plan_bench_certificate();
     snprintf(beside, sizeof beside, "%s/ptfe.csv", folder);
     put(beside, certificate);

@@ -290,7 +290,7 @@ static void a_certificate_of_another_geometry_is_refused(void **state) {
 #define ZONED                                                                                                \
     "spectrometer: {model: usb4000}\noptics: {beam_mm: 20, view_mm: 3}\n"                                    \
     "axes:\n"                                                                                                \
-    "  source: {profile: om-az, link: \"tcp:a:1\", unit: 1, limits_deg: [0, 140]}\n"                       \
+    "  source: {profile: om-az, link: \"tcp:a:1\", unit: 1, limits_deg: [0, 140]}\n"                         \
     "  sample: {profile: om-az, link: \"tcp:a:1\", unit: 2, limits_deg: [-90, 90]}\n"                        \
     "holder: {profile: om-az, link: \"tcp:a:1\", unit: 3, positions: {sample: 0, reference: 90}}\n"          \
     "keep_out:\n"
