@@ -1,10 +1,11 @@
 #include "fit/dataset.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "fit/words.h"
 
 static int no_memory(struct err *e) {
     return err_set(e, ERR_NOMEM, "no memory for the points of a fit");
@@ -221,18 +222,6 @@ int dataset_input(struct dataset *d, const struct estimate_input **input, struct
     return 0;
 }
 
-static void add_warning(struct estimate *estimate, const char *format, ...)
-    __attribute__((format(printf, 2, 3)));
-
-static void add_warning(struct estimate *estimate, const char *format, ...) {
-    if (estimate->n_warnings < MATERIAL_WARNINGS) {
-        va_list arguments;
-        va_start(arguments, format);
-        vsnprintf(estimate->warning[estimate->n_warnings++], sizeof estimate->warning[0], format, arguments);
-        va_end(arguments);
-    }
-}
-
 int dataset_fit(struct dataset *d, struct estimate *estimate, struct err *e) {
     const struct estimate_input *input;
     *estimate = (struct estimate){0};
@@ -241,11 +230,11 @@ int dataset_fit(struct dataset *d, struct estimate *estimate, struct err *e) {
         return status;
     }
     if (d->n_left_out > 0) {
-        add_warning(estimate, "%zu points have no visible mean (a band of it is missing) and were left out",
-                    d->n_left_out);
+        words_warn(estimate, "%zu points have no visible mean (a band of it is missing) and were left out",
+                   d->n_left_out);
     }
     if (d->independence_assumed) {
-        add_warning(estimate, "only a total uncertainty was given: independence of the points was assumed");
+        words_warn(estimate, "only a total uncertainty was given: independence of the points was assumed");
     }
     return 0;
 }

@@ -1,6 +1,7 @@
 #include "fit/limit.h"
 
 #include <math.h>
+#include <string.h>
 
 #define RISE_95 2.7055434540954146 /* 1.6448536^2 */
 
@@ -26,7 +27,7 @@ static int excess(struct walk *w, double x, double *over, struct err *e) {
 }
 
 int limit_find(const struct problem *p, const struct solve_result *best, int column, double scale,
-               double *limit, bool *found, struct err *e) {
+               double *at_limit, bool *found, struct err *e) {
     double low[COORDINATES_MAX], high[COORDINATES_MAX], over = 0;
     coordinates_bounds(p->model, low, high);
     bool from_low = fabs(best->x[column] - low[column]) < fabs(best->x[column] - high[column]);
@@ -43,7 +44,7 @@ int limit_find(const struct problem *p, const struct solve_result *best, int col
         }
     }
     *found = over > 0;
-    *limit = outer;
+    struct solve_result limit = w.at;
     for (int i = 0; *found && i < 20 && fabs(outer - inner) > 1e-4;
          i++) { /* a limit to 1e-4 relative is plenty */
         double middle = (inner + outer) / 2;
@@ -52,7 +53,8 @@ int limit_find(const struct problem *p, const struct solve_result *best, int col
             return status;
         }
         *(over > 0 ? &outer : &inner) = middle;
-        *limit = outer;
+        limit = over > 0 ? w.at : limit;
     }
+    memcpy(at_limit, limit.x, sizeof limit.x);
     return 0;
 }

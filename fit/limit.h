@@ -17,7 +17,7 @@ extern "C" {
 /* best: the fit with the parameter at its bound; scale >= 1. limit is in coordinates. Where chi-square never
  * rises so far within the bounds, *found is false and limit the other bound. */
 int limit_find(const struct problem *p, const struct solve_result *best, int column, double scale,
-               double *limit, bool *found, struct err *e);
+               double *at_limit, bool *found, struct err *e);
 
 #ifdef __cplusplus
 }

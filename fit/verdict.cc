@@ -1,0 +1,328 @@
+#include "fit/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "fit/advice.h"
+#include "fit/limit.h"
+#include "fit/quality.h"
+#include "fit/words.h"
+
+namespace {
+
+/* A logarithmic uncertainty of 0.5 is a factor 1.65 either way: the value is then a guess, not a result. */
+constexpr double U_LN_MAX = 0.5;
+constexpr double AT_BOUND = 1e-7;           /* in coordinates; the solver stops exactly on a bound */
+constexpr double Z_95 = 1.6448536269514722; /* one-sided */
+
+const char *const parameter_names[] = {"S", "sigma", "gamma", "beta'", "n"};
+
+class Verdict {
+  public:
+    Verdict(struct settled *fit, struct estimate *out)
+        : fit_(fit), p_(&fit->p), in_(fit->p.input), out_(out), k_(fit->p.k) {
+    }
+    ~Verdict() {
+        uncertainty_free(&u_);
+    }
+    Verdict(const Verdict &) = delete;
+    Verdict &operator=(const Verdict &) = delete;
+
+    int fill(struct err *e);
+
+  private:
+    void find_bounds();
+    int refuse(struct err *e);
+    int fill_quality(struct err *e);
+    void judge_misfit();
+    void fill_covariance();
+    int fill_limit(int column, struct err *e);
+    void add_shift(int column, const double *x_at_limit);
+    void clear_bound_rows();
+    int explain_gap(int column, struct err *e);
+    int find_gaps(struct err *e);
+    void warn_physics();
+    int fill_spectrum(struct err *e);
+    double relative_u(int column) const;
+    bool has(enum material_parameter parameter) const;
+    enum material_parameter parameter(int column) const {
+        return reflectance_parameter(p_->model, column);
+    }
+    const char *name(int column) const {
+        return parameter_names[parameter(column)];
+    }
+
+    struct settled *fit_;
+    struct problem *p_;
+    const struct estimate_input *in_;
+    struct estimate *out_;
+    int k_;
+    struct uncertainty u_ = {};
+    bool free_[COORDINATES_MAX] = {};
+    double misfit_ = 1; /* chi2 over its expectation where that is beyond chance */
+};
+
+bool Verdict::has(enum material_parameter wanted) const {
+    for (int j = 0; j < k_; j++) {
+        if (parameter(j) == wanted) {
+            return true;
+        }
+    }
+    return false;
+}
+
+void Verdict::find_bounds() {
+    double low[COORDINATES_MAX], high[COORDINATES_MAX];
+    const double *x = fit_->best.x;
+    coordinates_bounds(p_->model, low, high);
+    for (int j = 0; j < k_; j++) {
+        free_[j] = x[j] > low[j] + AT_BOUND && x[j] < high[j] - AT_BOUND;
+        out_->at_bound[parameter(j)] = !free_[j];
+    }
+    if (has(MATERIAL_BETA_PRIME) && out_->at_bound[MATERIAL_BETA_PRIME]) {
+        for (int j = 0; j < k_; j++) { /* no lobe: nothing in the data knows its width or index */
+            if (parameter(j) == MATERIAL_GAMMA || parameter(j) == MATERIAL_N) {
+                free_[j] = false;
+                out_->not_identifiable[parameter(j)] = true;
+            }
+        }
+    }
+}
+
+int Verdict::refuse(struct err *e) {
+    std::string names;
+    int worst = 0;
+    for (int j = 0; j < k_; j++) {
+        if (free_[j] && std::fabs(u_.weakest[j]) > 0.3) {
+            names += (names.empty() ? "" : ", ") + std::string(name(j));
+        }
+        worst = std::fabs(u_.weakest[j]) > std::fabs(u_.weakest[worst]) ? j : worst;
+    }
+    struct advice next = {};
+    int status = advice_next(p_, fit_->value, &u_, worst, &next, e);
+    words_refuse(out_,
+                 "these points do not determine %s (condition of the Jacobian %.0e): measure on, best next "
+                 "at incidence "
+                 "%g deg, viewing %g deg",
+                 names.empty() ? "the parameters" : names.c_str(), u_.condition, next.theta_i_deg,
+                 next.theta_v_deg);
+    return status;
+}
+
+void Verdict::judge_misfit() {
+    const double limit = quality_chi2_limit(u_.chi2_expected, u_.chi2_variance);
+    if (out_->chi2 > limit) {
+        words_warn(
+            out_,
+            "the model does not fit: chi-square %.4g, expected %.4g, 99.9 %% point %.4g; the parameters are "
+            "descriptive, u from sweep scatter",
+            out_->chi2, u_.chi2_expected, limit);
+        misfit_ = out_->chi2 / u_.chi2_expected;
+        uncertainty_inflate(&u_, p_);
+    }
+}
+
+int Verdict::fill_quality(struct err *e) {
+    double scaled = 0;
+    for (size_t i = 0; i < p_->n; i++) {
+        const double r = (in_->beta[i] - p_->model_beta[i]) / p_->u[i];
+        scaled += r * r;
+    }
+    const double n = static_cast<double>(p_->n);
+    out_->chi2 = in_->u_ind ? scaled : n - k_;
+    out_->bic = (in_->u_ind ? scaled : n * std::log(std::max(scaled / n, 1e-300))) + k_ * std::log(n);
+    out_->r2 = quality_r2(p_);
+    out_->q = p_->q;
+    if (has(MATERIAL_BETA_PRIME)) {
+        out_->specular_energy =
+            quality_specular_energy(fit_->value[MATERIAL_BETA_PRIME], fit_->value[MATERIAL_GAMMA]);
+    }
+    if (in_->u_ind && !in_->unweighted) {
+        judge_misfit();
+    }
+    return quality_median_error(p_, &out_->median_relative_error, e);
+}
+
+void Verdict::fill_covariance() {
+    double chain[UNCERTAINTY_CELLS];
+    coordinates_chain(p_->model, fit_->value, chain);
+    std::copy(fit_->value, fit_->value + MATERIAL_PARAMETERS, out_->value);
+    for (int a = 0; a < k_; a++) {
+        for (int b = 0; b < k_; b++) {
+            double statistical = 0, common = 0;
+            for (int x = 0; x < k_; x++) {
+                for (int y = 0; y < k_; y++) {
+                    const double factor = chain[a * k_ + x] * chain[b * k_ + y];
+                    statistical += factor * (u_.independent[x * k_ + y] + u_.drift[x * k_ + y]);
+                    common += factor * u_.common[x * k_ + y];
+                }
+            }
+            out_->statistical[parameter(a)][parameter(b)] = statistical;
+            out_->common[parameter(a)][parameter(b)] = common;
+        }
+    }
+}
+
+/* What the others move while a parameter walks from its bound to its limit, as a standard uncertainty. */
+void Verdict::add_shift(int column, const double *x_at_limit) {
+    double moved[MATERIAL_PARAMETERS], shift[MATERIAL_PARAMETERS] = {};
+    coordinates_to_value(p_->model, x_at_limit, moved);
+    for (int j = 0; j < k_; j++) {
+        if (j != column && free_[j]) {
+            const double value = out_->value[parameter(j)];
+            shift[parameter(j)] = value * std::log(moved[parameter(j)] / value) / Z_95;
+        }
+    }
+    for (int a = 0; a < MATERIAL_PARAMETERS; a++) {
+        for (int b = 0; b < MATERIAL_PARAMETERS; b++) {
+            out_->statistical[a][b] += shift[a] * shift[b];
+        }
+    }
+}
+
+int Verdict::fill_limit(int column, struct err *e) {
+    double at_limit[COORDINATES_MAX], value[MATERIAL_PARAMETERS];
+    bool found = false;
+    int status = limit_find(p_, &fit_->best, column, misfit_, at_limit, &found, e);
+    if (status) {
+        return status;
+    }
+    coordinates_to_value(p_->model, at_limit, value);
+    out_->limit_95[parameter(column)] = value[parameter(column)];
+    out_->not_identifiable[parameter(column)] = !found;
+    if (found) {
+        words_warn(out_, "%s is at its bound %.3g; 95 %% limit %.3g", name(column),
+                   out_->value[parameter(column)], value[parameter(column)]);
+    }
+    add_shift(column, at_limit);
+    return 0;
+}
+
+/* A parameter at its bound, or without a lobe to show it, has no standard deviation. */
+void Verdict::clear_bound_rows() {
+    for (int j = 0; j < k_; j++) {
+        for (int c = 0; !free_[j] && c < MATERIAL_PARAMETERS; c++) {
+            out_->statistical[parameter(j)][c] = out_->statistical[c][parameter(j)] = 0;
+            out_->common[parameter(j)][c] = out_->common[c][parameter(j)] = 0;
+        }
+    }
+}
+
+double Verdict::relative_u(int column) const {
+    const enum material_parameter at = parameter(column);
+    const double size = at == MATERIAL_N ? out_->value[at] - 1 : out_->value[at];
+    return std::sqrt(out_->statistical[at][at] + out_->common[at][at]) / size;
+}
+
+/* Why these points do not tell a parameter, and the geometry that would. */
+int Verdict::explain_gap(int column, struct err *e) {
+    struct advice next = {};
+    int status = advice_next(p_, fit_->value, &u_, column, &next, e);
+    struct material_gap *gap = &out_->gap[parameter(column)];
+    if (free_[column]) {
+        std::snprintf(gap->why, sizeof gap->why, "%s is known to %.0f %% only, incidence %g to %g deg",
+                      name(column), 100 * std::min(relative_u(column), 1e4), out_->theta_i_low_deg,
+                      out_->theta_i_high_deg);
+    } else if (out_->at_bound[parameter(column)]) {
+        std::snprintf(gap->why, sizeof gap->why, "every value of %s within its bounds fits these points",
+                      name(column));
+    } else {
+        std::snprintf(gap->why, sizeof gap->why, "no lobe in these points shows %s", name(column));
+    }
+    gap->has_next = status == 0;
+    gap->next_theta_i_deg = next.theta_i_deg;
+    gap->next_theta_v_deg = next.theta_v_deg;
+    words_warn(out_, "%s is not identifiable: %s; measure next at incidence %g deg, viewing %g deg",
+               name(column), gap->why, next.theta_i_deg, next.theta_v_deg);
+    return status;
+}
+
+int Verdict::find_gaps(struct err *e) {
+    int status = 0;
+    for (int j = 0; j < k_ && !status; j++) {
+        if (free_[j] && !(relative_u(j) <= U_LN_MAX)) {
+            out_->not_identifiable[parameter(j)] = true;
+        }
+        if (out_->not_identifiable[parameter(j)]) {
+            status = explain_gap(j, e);
+        }
+    }
+    return status;
+}
+
+void Verdict::warn_physics() {
+    const double *value = fit_->value;
+    if (!in_->u_ind) {
+        words_warn(
+            out_,
+            "no uncertainties were given: all points count alike, u is from their scatter, independence is "
+            "assumed");
+    }
+    if (has(MATERIAL_SIGMA) && value[MATERIAL_SIGMA] > 0.8) {
+        words_warn(out_, "sigma %.3g rad is beyond the range Oren and Nayar's constants were made for (0.8)",
+                   value[MATERIAL_SIGMA]);
+    }
+    const double from_deg = has(MATERIAL_SIGMA) ? quality_negative_from_deg(value[MATERIAL_SIGMA]) : NAN;
+    if (std::isfinite(from_deg)) {
+        words_warn(out_, "the direct diffuse term is negative towards the mirror direction from %g deg on",
+                   from_deg);
+    }
+    if (out_->specular_energy > 1) {
+        words_warn(out_,
+                   "specular energy w = %.3g: the lobe would return more light than it receives (w > 1)",
+                   out_->specular_energy);
+    }
+}
+
+int Verdict::fill_spectrum(struct err *e) {
+    std::fill_n(out_->s_lambda, BANDS, NAN);
+    std::fill_n(out_->u_s_lambda, BANDS, NAN);
+    if (!in_->band_beta) {
+        return 0;
+    }
+    out_->band_first = BANDS;
+    for (int band = 0; band < BANDS; band++) {
+        out_->s_lambda[band] = fit_->bands.s[band];
+        if (std::isfinite(fit_->bands.s[band])) {
+            out_->has_spectrum = true;
+            out_->band_first = std::min(out_->band_first, band);
+            out_->band_last = band;
+        }
+    }
+    out_->band_first = out_->has_spectrum ? out_->band_first : 0;
+    return uncertainty_of_bands(&u_, p_, fit_->value, &fit_->bands, out_->u_s_lambda, e);
+}
+
+int Verdict::fill(struct err *e) {
+    find_bounds();
+    struct err singular = {};
+    int status = uncertainty_compute(&u_, p_, fit_->value, free_, &singular);
+    if (status == -ERR_FIT || !fit_->best.converged) {
+        return refuse(e);
+    }
+    if (status) {
+        return err_set(e, static_cast<enum err_code>(singular.code), "%s", singular.text);
+    }
+    out_->converged = true;
+    status = fill_quality(e);
+    fill_covariance();
+    for (int j = 0; j < k_ && !status; j++) {
+        if (out_->at_bound[parameter(j)]) {
+            status = fill_limit(j, e);
+        }
+    }
+    clear_bound_rows();
+    if (status || (status = find_gaps(e))) {
+        return status;
+    }
+    warn_physics();
+    return fill_spectrum(e);
+}
+
+} // namespace
+
+int verdict_fill(struct settled *fit, struct estimate *estimate, struct err *e) {
+    return Verdict(fit, estimate).fill(e);
+}
