@@ -238,6 +238,28 @@ static void brackets_are_short_enough_and_whole(void) {
     assert_true(bench.plan.estimate_high_us >= bench.plan.estimate_us);
 }
 
+/* Each reading takes at least its slowest move and its scans with what the model throws away. */
+static void an_estimate_covers_its_parts(void) {
+    const struct spectrometer_model *model = bench.devices.spectrometer;
+    double exposure_us = sqrt(bench.job.exposure.min_ms * 1000 * bench.job.exposure.max_ms * 1000);
+    const struct step *last = NULL;
+    for (int i = 0; i < bench.plan.n_steps; i++) {
+        const struct step *s = &bench.plan.step[i];
+        if (s->kind != STEP_SAMPLE && s->kind != STEP_REFERENCE)
+            continue;
+        int64_t slowest_us = 0;
+        for (int axis = 0; last && axis < STAGE_AXES; axis++)
+            if (bench.devices.profile[axis]) {
+                int64_t us =
+                    axis_move_time_us(&bench.profile, s->target.udeg[axis] - last->target.udeg[axis]);
+                slowest_us = us > slowest_us ? us : slowest_us;
+            }
+        double least = (bench.job.exposure.average + model->discards) * exposure_us;
+        assert_true((double)s->estimate_us >= least + (s->n_via ? 0 : (double)slowest_us) - 1);
+        last = s;
+    }
+}
+
 static bool one_seed(uint64_t seed) {
     random_state = seed * 0x9e3779b97f4a7c15u + 1;
     char *config = text_of(write_config), *samples = text_of(write_samples);
@@ -255,6 +277,7 @@ static bool one_seed(uint64_t seed) {
             each_geometry_is_a_step_or_a_refusal();
             no_way_leads_where_it_must_not();
             brackets_are_short_enough_and_whole();
+            an_estimate_covers_its_parts();
         }
         plan_bench_close(&bench);
     }
