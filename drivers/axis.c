@@ -271,6 +271,11 @@ void axis_confirm(struct axis *a, int32_t position_udeg) {
     a->settled_us = a->read_us = axis_now_us(a);
 }
 
+void axis_declare_valid(struct axis *a) {
+    if (is_motor(a) && a->profile->bit_valid < 0)
+        a->valid = true;
+}
+
 int axis_reset_alarm(struct axis *a, struct err *e) {
     if (!is_motor(a) || !a->profile->seq[PROFILE_ALARM_RESET].present)
         return err_set(e, ERR_STATE, "axis %s has no alarm that goniod could reset", a->config.name);

@@ -90,7 +90,9 @@ int axis_result(const struct axis *axis, struct err *e); /* 0 arrived and settle
 void axis_order_stop(struct axis *axis);
 bool axis_stands(const struct axis *axis); /* no order runs and the last reading shows standstill */
 void axis_confirm(struct axis *axis,
-                  int32_t position_udeg);               /* manual axis: the person says it stands there */
+                  int32_t position_udeg); /* manual axis: the person says it stands there */
+/* A person, or a record of one, says that the readback is right (profiles without a validity bit). */
+void axis_declare_valid(struct axis *axis);
 int axis_reset_alarm(struct axis *axis, struct err *e); /* at most one attempt per order of a person */
 
 /* Time model for the plan: trapezoid (and the backlash leg of a move against the approach) + settle + one

@@ -1,5 +1,5 @@
 /*
- * axis_inside.h — the state of one axis, shared by the files of the axis driver; nobody else includes it.
+ * axis_inside.h — the state of one axis, shared by the files of the axis driver and by commission.c.
  *
  * axis.c         the public face: open, orders, status, manual and fixed axes, the service of the bench
  * axis_poll.c    reads status and position, decides connected or lost, evaluates the profile's conditions
