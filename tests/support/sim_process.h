@@ -1,0 +1,22 @@
+/*
+ * sim_process.h — goniosim in a process of its own, for tests over real wires.
+ *
+ * The program is taken from $BUILD (default build). What it prints of its endpoints is parsed; only the
+ * spectrometer's is kept.
+ */
+#ifndef TESTS_SUPPORT_SIM_PROCESS_H
+#define TESTS_SUPPORT_SIM_PROCESS_H
+
+#include <stdbool.h>
+#include <sys/types.h>
+
+struct sim_process {
+    pid_t pid; /* 0: not running */
+    char spectrometer[160];
+};
+
+bool sim_process_start(struct sim_process *p, const char *yaml);
+/* Ends it by this signal and waits. Returns its exit status, or 128 + the signal that ended it. */
+int sim_process_stop(struct sim_process *p, int signal);
+
+#endif
