@@ -87,6 +87,9 @@ static void resolve_step(struct check *c, struct profile_step *step, const char 
         if (step->reg < 0)
             mistake(c, step->line, step->column, "%s: there is no register '%s' under reg", seq,
                     step->reg_name);
+        else if (c->p->link.fc_write == 6 && profile_reg_words(&c->p->reg[step->reg]) == 2)
+            mistake(c, step->line, step->column, "%s: link.fc_write 6 cannot write the 32-bit register '%s'",
+                    seq, step->reg_name);
     }
     for (int i = 0; i < step->n_conditions; i++)
         resolve_condition(c, &step->condition[i]);
@@ -119,6 +122,8 @@ static void check_figures(struct check *c) {
         mistake(c, 0, 0, "speed_deg_s is above max_speed_deg_s");
     if (p->accel_deg_s2 > p->max_accel_deg_s2)
         mistake(c, 0, 0, "accel_deg_s2 is above max_accel_deg_s2");
+    if (p->link.fc_write != 6 && p->link.fc_write != 16)
+        mistake(c, 0, 0, "link.fc_write is 6 or 16");
     if (p->limits.low_deg > p->limits.high_deg)
         mistake(c, 0, 0, "limits.low_deg is above limits.high_deg");
     double far = fmax(fabs(p->limits.low_deg), fabs(p->limits.high_deg)) * p->scale.steps_per_deg;

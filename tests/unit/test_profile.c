@@ -161,6 +161,7 @@ static void mistakes_are_named(void **state) {
         {"vendor: Some", "vendor: Some\nbackslash_deg: 1", "backlash_deg"},
         {"u16: [6], fc: 6", "u16: [6, 7], fc: 6", "fc: 6 writes one"},
         {"sign: -1", "sign: 0", "scale.sign"},
+        {"max_write: 20", "fc_write: 10", "fc_write is 6 or 16"},
         {"any: [ack, {readback: stat, mask: 0x0100}]", "any: [{readback: stat}]", "either equals"},
     };
     for (size_t i = 0; i < sizeof CASES / sizeof *CASES; i++) {
@@ -204,7 +205,27 @@ static void an_unknown_profile_says_where_it_looked(void **state) {
     err_list_free(&errors);
 }
 
-int main(void) {
+/* docs/profiles.md ends with what the tables say. */
+static void the_document_is_what_the_tables_say(void **state) {
+    (void)state;
+    char *printed, *text;
+    size_t printed_size, size;
+    FILE *out = open_memstream(&printed, &printed_size);
+    profile_print_reference(out);
+    fclose(out);
+    assert_int_equal(file_read("docs/profiles.md", 1 << 20, &text, &size, NULL), 0);
+    if (size < printed_size || strcmp(text + size - printed_size, printed) != 0)
+        fail_msg(
+            "docs/profiles.md is out of date: build/tests/unit/test_profile --print gives its last part");
+    free(printed);
+    free(text);
+}
+
+int main(int argc, char **argv) {
+    if (argc == 2 && strcmp(argv[1], "--print") == 0) {
+        profile_print_reference(stdout);
+        return 0;
+    }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(om_az_is_complete),
         cmocka_unit_test(a_move_of_om_az_is_one_frame),
@@ -212,6 +233,7 @@ int main(void) {
         cmocka_unit_test(words_go_both_ways_in_the_drives_order),
         cmocka_unit_test(mistakes_are_named),
         cmocka_unit_test(the_hash_follows_the_text),
+        cmocka_unit_test(the_document_is_what_the_tables_say),
         cmocka_unit_test(an_unknown_profile_says_where_it_looked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
