@@ -11,7 +11,8 @@
 #define NODES_MAX 200000
 
 struct builder {
-    const char *file;
+    const char *file, *text;
+    size_t size;
     struct err_list *errors;
     size_t first_error;
     struct yaml_node *root;
@@ -216,8 +217,29 @@ static int take_event(struct builder *b, struct fy_event *event) {
     }
 }
 
-/* libfyaml counts from 0 in its marks and from 1 in its collected diagnostics. */
+/* The first tab in the indentation of a line; false if there is none. */
+static bool find_tab(const char *text, size_t size, struct fy_mark *mark) {
+    int line = 0;
+    for (const char *at = text, *end = text + size; at && at < end; line++) {
+        const char *first = at;
+        while (first < end && *first == ' ')
+            first++;
+        if (first < end && *first == '\t') {
+            *mark = (struct fy_mark){.line = line, .column = (int)(first - at)};
+            return true;
+        }
+        at = memchr(at, '\n', (size_t)(end - at));
+        at = at ? at + 1 : NULL;
+    }
+    return false;
+}
+
+/* libfyaml counts from 0 in its marks and from 1 in its collected diagnostics. What it says of a tab in the
+ * indentation helps nobody. */
 static int report_syntax(struct builder *b, struct fy_diag *diag) {
+    struct fy_mark tab;
+    if (find_tab(b->text, b->size, &tab))
+        return refuse(b, &tab, "this is no YAML: a tab indents this line; use spaces");
     void *previous = NULL;
     struct fy_diag_error *first = fy_diag_errors_iterate(diag, &previous);
     if (!first)
@@ -262,7 +284,7 @@ static int build_text(struct builder *b, const char *text, size_t size) {
 
 int yaml_parse(const char *file, const char *text, size_t size, struct yaml_node **root,
                struct err_list *errors) {
-    struct builder b = {.file = file, .errors = errors, .first_error = errors->n};
+    struct builder b = {.file = file, .text = text, .size = size, .errors = errors, .first_error = errors->n};
     struct err e = {0};
     *root = NULL;
     if (size > YAML_BYTES_MAX)

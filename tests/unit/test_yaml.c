@@ -241,7 +241,8 @@ static void what_is_no_yaml_gets_one_sentence(void **state) {
     expect_error("", 0, 0, "the file is empty");
     expect_error("# only a comment\n", 0, 0, "the file is empty");
     expect_error("title: [1, 2\n", 2, 1, "this is no YAML");
-    expect_error("title: a\n\tfactor: 1\n", 1, 8, "this is no YAML");
+    expect_error("title: a\n\tfactor: 1\n", 2, 1, "a tab indents this line");
+    expect_error("main:\n  name: a\n  \tb: [\n", 3, 3, "a tab indents this line");
     expect_error("title: &a x\n", 1, 9, "anchors");
     expect_error("title: x\nmode: *a\n", 2, 8, "aliases");
     expect_error("title: !!str x\n", 1, 8, "tags");
