@@ -274,9 +274,15 @@ static void nothing_reaches_stderr(void **state) {
 
 static double seconds_since(const struct timespec *start) {
     struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now); /* the machine may be busy with other tests */
     return (double)(now.tv_sec - start->tv_sec) + 1e-9 * (double)(now.tv_nsec - start->tv_nsec);
 }
+
+#ifdef __SANITIZE_ADDRESS__
+#define LIMIT_S 10
+#else
+#define LIMIT_S 2
+#endif
 
 /* Each text is as large as the reader takes; each must be answered quickly and shortly. */
 static void hostile_texts_end_soon(void **state) {
@@ -292,12 +298,12 @@ static void hostile_texts_end_soon(void **state) {
             memcpy(text + size, pieces[i], step);
         struct thing t = {0};
         struct err_list errors = {0};
-        clock_gettime(CLOCK_MONOTONIC, &start);
+        clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &start);
         assert_int_equal(yaml_read_text("t.yaml", text, size, keys, &t, &errors), -ERR_INPUT);
         double took = seconds_since(&start);
-        if (took > 2)
+        if (took > LIMIT_S)
             print_error("'%s' repeated took %.1f s\n", pieces[i], took);
-        assert_true(took < 2);
+        assert_true(took < LIMIT_S);
         assert_in_range(errors.n, 1, YAML_ERRORS_MAX);
         err_list_free(&errors);
         free(t.notes);
