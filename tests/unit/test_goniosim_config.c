@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "proto/file.h"
 #include "sim/goniosim_config.h"
 
 static struct goniosim_config config;
@@ -37,6 +38,41 @@ static void test_without_a_file_it_is_the_built_in_bench(void **state) {
     assert_int_equal(config.n_buses, 2);
     assert_string_equal(config.bench.position[1].name, "reference");
     assert_true(config.place[0].has_surface && config.place[0].surface.beta_prime == 126);
+    goniosim_config_free(&config);
+}
+
+static void test_the_defaults_are_those_of_the_tables(void **state) {
+    (void)state;
+    static struct goniosim_config built_in;
+    struct err_list errors = {0};
+    assert_int_equal(goniosim_config_read(NULL, &built_in, &errors), 0);
+    assert_int_equal(read_text("spectrometer: {}\noptics: {}\nlamp: {}\n", &errors), 0);
+    assert_memory_equal(&config.bench, &built_in.bench, sizeof config.bench);
+    assert_string_equal(config.usb_listen, built_in.usb_listen);
+}
+
+/* docs/goniosim.md ends with what the tables say of themselves. */
+static void test_the_document_is_what_the_tables_say(void **state) {
+    (void)state;
+    char *printed, *text;
+    size_t printed_size, size;
+    FILE *out = open_memstream(&printed, &printed_size);
+    goniosim_config_print_reference(out);
+    fclose(out);
+    assert_int_equal(file_read("docs/goniosim.md", 1 << 20, &text, &size, NULL), 0);
+    char *tables = strstr(text, "## goniosim.yaml");
+    if (!tables || strcmp(tables, printed) != 0)
+        fail_msg(
+            "the tables of docs/goniosim.md are out of date: replace them by build/goniosim --reference");
+    free(printed);
+    free(text);
+}
+
+static void test_the_example_is_good(void **state) {
+    (void)state;
+    struct err_list errors = {0};
+    assert_int_equal(goniosim_config_read("docs/examples/goniosim.yaml", &config, &errors), 0);
+    assert_true(config.place[0].has_surface);
     goniosim_config_free(&config);
 }
 
@@ -95,6 +131,9 @@ static void test_mistakes_come_together(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_without_a_file_it_is_the_built_in_bench),
+        cmocka_unit_test(test_the_defaults_are_those_of_the_tables),
+        cmocka_unit_test(test_the_document_is_what_the_tables_say),
+        cmocka_unit_test(test_the_example_is_good),
         cmocka_unit_test(test_surfaces_of_three_kinds),
         cmocka_unit_test(test_mistakes_come_together),
     };
