@@ -158,8 +158,10 @@ void plant_move(struct plant *p, int64_t start_us, const struct plant_order *o) 
 void plant_stop(struct plant *p, int64_t now_us, double decel) {
     forget_after(p, now_us);
     double v = plant_speed(p, now_us), repeat_deg = find(p, now_us)->repeat_deg;
-    if (v == 0)
+    if (v == 0) { /* also an order that had not begun to turn anything: it is forgotten */
+        p->target_steps = (int32_t)lround(plant_motor_steps(p, now_us));
         return;
+    }
     brake(p, now_us, plant_motor_steps(p, now_us), v, decel, repeat_deg);
     p->target_steps = (int32_t)lround(at(p, p->n - 1)->x1);
     at(p, p->n - 1)->x1 = p->target_steps;
