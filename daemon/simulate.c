@@ -1,0 +1,198 @@
+#include "daemon/simulate.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "proto/session.h"
+#include "proto/units.h"
+#include "sim/sim.h"
+
+struct visit { /* a state of the bench and how often a resumed session has been in it */
+    char position[32];
+    int32_t source_udeg, sample_udeg;
+    int exposure_us, count;
+    bool lamp;
+};
+
+struct simulate {
+    struct sim_bench *bench;
+    const struct config *config;
+    char position[JOB_SAMPLES][32]; /* where something is mounted, and what */
+    char mounted[JOB_SAMPLES][48];
+    int n_positions;
+    struct visit *visit;
+    int n_visits;
+};
+
+/* ---- the bench of a config ---- */
+
+static void set_axis(struct sim_axis_config *to, const struct config_axis *from) {
+    to->unit = from->unit;
+    to->direction = from->direction;
+    to->zero_deg = from->zero_deg;
+    if (from->u_zero_deg > 0)
+        to->u_zero_deg = from->u_zero_deg;
+    if (from->u_repeat_deg > 0)
+        to->u_repeat_deg = from->u_repeat_deg;
+}
+
+static void set_axes(struct sim_config *s, const struct config *config) {
+    struct sim_axis_config known[SIM_AXES];
+    int n_known = s->n_axes;
+    memcpy(known, s->axis, sizeof known);
+    s->n_axes = 0;
+    for (int a = 0; a < STAGE_AXES; a++) {
+        const struct config_axis *from = instruments_axis(config, a);
+        for (int k = 0; k < n_known && from->kind == CONFIG_AXIS_MOTOR; k++)
+            if (!strcmp(known[k].role, stage_axis_name(a))) {
+                s->axis[s->n_axes] = known[k];
+                set_axis(&s->axis[s->n_axes++], from);
+            }
+    }
+}
+
+static void set_positions(struct sim_config *s, const struct config_axis *holder) {
+    if (holder->n_positions == 0)
+        return;
+    s->n_positions = holder->n_positions;
+    for (int i = 0; i < holder->n_positions; i++) {
+        snprintf(s->position[i].name, sizeof s->position[i].name, "%s", holder->position[i].name);
+        s->position[i].deg = holder->position[i].deg;
+    }
+}
+
+int simulate_new(struct simulate **simulate, const struct simulate_options *options,
+                 const struct config *config, struct clock *clock, struct err *e) {
+    struct sim_config s;
+    sim_config_default(&s);
+    s.seed = options->seed;
+    s.quiet = options->quiet;
+    if (options->no_drift)
+        s.lamp_drift_rate = 0;
+    snprintf(s.spectrometer, sizeof s.spectrometer, "%s", config->spectrometer.model);
+    s.filling = config->optics.filling == FILLING_BEAM_IN_VIEW ? SIM_BEAM_IN_VIEW : SIM_VIEW_IN_BEAM;
+    s.beam_mm = config->optics.beam_mm;
+    s.view_mm = config->optics.view_mm;
+    s.lamp_warm_up_min = config->lamp_warm_up_min;
+    set_axes(&s, config);
+    set_positions(&s, &config->holder);
+    struct simulate *new = calloc(1, sizeof *new);
+    if (!new)
+        return err_set(e, ERR_NOMEM, "no memory for the simulated bench");
+    new->config = config;
+    int result = sim_bench_new(&new->bench, &s, clock, e);
+    if (result < 0) {
+        free(new);
+        return result;
+    }
+    *simulate = new;
+    return 0;
+}
+
+void simulate_free(struct simulate *s) {
+    if (!s)
+        return;
+    sim_bench_free(s->bench);
+    free(s->visit);
+    free(s);
+}
+
+/* ---- its links ---- */
+
+static int open_modbus(void *self, const struct modbus_link_config *link, struct modbus_link *out,
+                       struct err *e) {
+    struct simulate *s = self;
+    if (strncmp(link->target, "sim:", 4) != 0)
+        return err_set(e, ERR_INPUT,
+                       "link %s is not simulated: with --simulate every axis has link sim:modbus",
+                       link->target);
+    return sim_modbus_link(s->bench, out, e);
+}
+
+static int open_usb(void *self, const char *target, const struct spectrometer_model *model,
+                    const char *serial, struct usb_link *out, struct err *e) {
+    struct simulate *s = self;
+    (void)model;
+    (void)serial;
+    if (strncmp(target, "sim:", 4) != 0)
+        return err_set(e, ERR_INPUT,
+                       "link %s is not simulated: with --simulate the spectrometer has link sim:usb", target);
+    return sim_usb_link(s->bench, out, e);
+}
+
+/* ---- what a person does ---- */
+
+static char *mounted_at(struct simulate *s, const char *position) {
+    for (int i = 0; i < s->n_positions; i++)
+        if (!strcmp(s->position[i], position))
+            return s->mounted[i];
+    if (s->n_positions == JOB_SAMPLES)
+        return NULL;
+    snprintf(s->position[s->n_positions], sizeof s->position[0], "%s", position);
+    return s->mounted[s->n_positions++];
+}
+
+static int mount(void *self, const struct job_sample *sample, struct err *e) {
+    struct simulate *s = self;
+    struct sim_surface surface;
+    char *there = mounted_at(s, sample->holder);
+    if (there && !strcmp(there, sample->name))
+        return 0;
+    int water = sample->has_water ? (int)lround(sample->water_percent) : 0;
+    int result = sim_paint_find(sample->paint, sample->support, water, &surface, e);
+    if (result == 0)
+        result = sim_bench_mount(s->bench, sample->holder, &surface, e);
+    if (result == 0 && there)
+        snprintf(there, sizeof s->mounted[0], "%s", sample->name);
+    return result;
+}
+
+/* ---- a session that goes on ---- */
+
+static struct visit *visit_of(struct simulate *s, const struct visit *state) {
+    for (int i = 0; i < s->n_visits; i++) {
+        struct visit *v = &s->visit[i];
+        if (v->source_udeg == state->source_udeg && v->sample_udeg == state->sample_udeg &&
+            v->exposure_us == state->exposure_us && v->lamp == state->lamp &&
+            !strcmp(v->position, state->position))
+            return v;
+    }
+    struct visit *larger = realloc(s->visit, (s->n_visits + 1) * sizeof *larger);
+    if (!larger)
+        return NULL;
+    s->visit = larger;
+    s->visit[s->n_visits] = *state;
+    return &s->visit[s->n_visits++];
+}
+
+static const char *position_at(const struct simulate *s, int32_t holder_udeg,
+                               const struct job_sample *sample) {
+    const struct config_axis *holder = &s->config->holder;
+    for (int i = 0; i < holder->n_positions; i++)
+        if (abs(holder_udeg - udeg_from_deg(holder->position[i].deg)) < UDEG_PER_DEG)
+            return holder->position[i].name;
+    return sample->holder;
+}
+
+static void seen_before(void *self, const struct job_sample *sample, const struct exposure *x) {
+    struct simulate *s = self;
+    struct visit state = {.source_udeg = x->source_udeg,
+                          .sample_udeg = x->sample_udeg,
+                          .exposure_us = x->exposure_us,
+                          .lamp = x->lamp};
+    snprintf(state.position, sizeof state.position, "%s", position_at(s, x->holder_udeg, sample));
+    struct visit *v = visit_of(s, &state);
+    if (v)
+        sim_bench_set_visits(s->bench, v->position, v->source_udeg, v->sample_udeg, v->exposure_us, v->lamp,
+                             ++v->count);
+}
+
+void simulate_wiring(struct simulate *s, struct wiring *wiring) {
+    *wiring = (struct wiring){.self = s,
+                              .simulated = true,
+                              .modbus = open_modbus,
+                              .usb = open_usb,
+                              .mount = mount,
+                              .seen_before = seen_before};
+}

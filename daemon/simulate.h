@@ -1,0 +1,35 @@
+/*
+ * simulate.h — `goniod --simulate`: the in-process bench and the virtual clock under the real drivers.
+ *
+ * The only file of the daemon that includes sim/. The bench takes its axes, optics and spectrometer from the config
+ * (links sim:modbus and sim:usb), the truth of a sample from the job: its paint, support and water_percent, or
+ * notes {brdf: NAME} for a surface that was added. Mounting is done as the job says, at once: the simulated person
+ * does what the hold asked for.
+ *
+ * Seed       draws of the bench; a resumed session sets the visit counts, so that noise goes on where it stood.
+ * Errors     -ERR_INPUT names the nearest known paint; -ERR_INPUT a config the simulated bench cannot be.
+ * Checked    tests/scenario/test_campaign.c
+ */
+#ifndef DAEMON_SIMULATE_H
+#define DAEMON_SIMULATE_H
+
+#include <stdint.h>
+
+#include "daemon/config.h"
+#include "daemon/instruments.h"
+#include "drivers/clock.h"
+
+struct simulate;
+
+struct simulate_options {
+    uint64_t seed;
+    bool quiet; /* no noise, no drift, no draws: for exact tests */
+    bool no_drift;
+};
+
+int simulate_new(struct simulate **simulate, const struct simulate_options *options,
+                 const struct config *config, struct clock *clock, struct err *e);
+void simulate_free(struct simulate *simulate);
+void simulate_wiring(struct simulate *simulate, struct wiring *wiring);
+
+#endif
