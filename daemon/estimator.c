@@ -315,6 +315,13 @@ int estimator_ask(struct estimator *s, char *request, estimator_answer *answer, 
     return 0;
 }
 
+void estimator_drop(struct estimator *s) {
+    if (!s->open)
+        return;
+    end_child(s);
+    clear_question(s);
+}
+
 void estimator_forgive(struct estimator *s) {
     s->failures = 0;
 }

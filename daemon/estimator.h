@@ -42,6 +42,8 @@ void estimator_free(struct estimator *estimator); /* kills the child; no answer 
 int estimator_ask(struct estimator *estimator, char *request, estimator_answer *answer, void *arg,
                   struct err *e);
 bool estimator_idle(void *estimator); /* for bench_wait: no question is open */
+/* An open question gets no answer any more. */
+void estimator_drop(struct estimator *estimator);
 void estimator_forgive(struct estimator *estimator);
 
 #endif

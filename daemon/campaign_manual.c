@@ -1,0 +1,220 @@
+/* Work by hand between campaigns: where, home, move, spectrum, devices. One order at a time; `stop` ends it. */
+#include "daemon/campaign_private.h"
+
+#include <string.h>
+
+#define SPECTRUM_SCANS_MAX 1000
+#define GUESS_US (100 * US_PER_MS)
+#define TRIES 8
+#define TARGET 0.8 /* of saturation, as the job's default */
+
+static int open_axis(struct campaign *c, const char *name, int *which, struct err *e) {
+    *which = stage_axis_find(name);
+    if (*which < 0)
+        return err_set(e, ERR_USAGE, "there is no axis \"%s\": source, sample or holder", name);
+    if (instruments_axis(c->setup.config, *which)->kind == CONFIG_AXIS_ABSENT)
+        return err_set(e, ERR_USAGE, "this bench has no %s axis (config)", name);
+    bool uses[STAGE_AXES] = {false};
+    uses[*which] = true;
+    return instruments_open_stage(&c->instruments, uses, e);
+}
+
+static bool has_answered(void *axis) {
+    struct axis_status s;
+    axis_status(axis, &s);
+    return axis_config(axis)->kind != AXIS_MOTOR || (s.connected && s.read_us != INT64_MIN);
+}
+
+static int await_answer(struct campaign *c, int which, struct err *e) {
+    struct axis *axis = c->instruments.stage.axis[which];
+    int result = bench_wait(c->bench, clock_now_us(c->clock) + 5 * US_PER_S, has_answered, axis, &c->cancel);
+    if (result == BENCH_UNTIL)
+        return err_set(e, ERR_LINK,
+                       "the %s axis does not answer within 5 s: is it powered, and its number right?",
+                       stage_axis_name(which));
+    return result < 0 ? err_set(e, -result, "stopped") : 0;
+}
+
+static int where(struct campaign *c, json_t **out, struct err *e) {
+    bool uses[STAGE_AXES];
+    for (int a = 0; a < STAGE_AXES; a++)
+        uses[a] = instruments_axis(c->setup.config, a)->kind != CONFIG_AXIS_ABSENT;
+    int result = instruments_open_stage(&c->instruments, uses, e);
+    for (int a = 0; a < STAGE_AXES && result == 0; a++)
+        if (c->instruments.stage.axis[a]) {
+            struct err silent = {0};
+            result = await_answer(c, a, &silent) == -ERR_CANCELLED ? -ERR_CANCELLED : 0;
+        }
+    if (result == 0)
+        *out = json_pack("{s:o}", "axes", campaign_stage_json(c));
+    return result;
+}
+
+static int home(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
+    int which;
+    int result = open_axis(c, m->axis, &which, e);
+    if (result == 0)
+        result = await_answer(c, which, e);
+    if (result == 0)
+        result = stage_home(&c->instruments.stage, which, &c->cancel, e);
+    if (result == 0)
+        result = instruments_record_drive(&c->instruments, which, true, false, e);
+    return result < 0 ? result : where(c, out, e);
+}
+
+static int move(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
+    struct stage_target target = {0};
+    struct stage_reading reading;
+    int which;
+    int result = open_axis(c, m->axis, &which, e);
+    if (result == 0)
+        result = await_answer(c, which, e);
+    if (result < 0)
+        return result;
+    target.used[which] = true;
+    target.udeg[which] = udeg_from_deg(m->deg);
+    struct axis *axis = c->instruments.stage.axis[which];
+    if (axis_config(axis)->kind == AXIS_MANUAL) { /* the order is the person's word that it stands there */
+        result = axis_begin_move(axis, target.udeg[which], e);
+        if (result == 0)
+            axis_confirm(axis, target.udeg[which]);
+    } else {
+        result = stage_move(&c->instruments.stage, &target, &c->cancel, &reading, e);
+    }
+    return result < 0 ? result : where(c, out, e);
+}
+
+/* ---- spectrum ---- */
+
+static int find_exposure(struct campaign *c, struct frame *frame, int *exposure_us, struct err *e) {
+    struct spectrometer *s = c->instruments.spectrometer;
+    const struct spectrometer_model *model = c->instruments.model;
+    double us = GUESS_US;
+    for (int i = 0; i < TRIES; i++) {
+        int result = spectrometer_set_exposure(s, (int)us, &c->cancel, e);
+        if (result == 0)
+            result = spectrometer_acquire(s, 1, clock_now_us(c->clock), frame, &c->cancel, e);
+        if (result < 0)
+            return result;
+        double peak = fmax(reduce_peak(spectrometer_calibration(s), frame->counts), 1e-4);
+        *exposure_us = (int)us;
+        double next = frame->saturated_pixels ? us / 8 : us * TARGET / peak;
+        next = fmin(fmax(next, fmax(model->min_exposure_us, US_PER_MS)),
+                    fmin(model->max_exposure_us, 5 * US_PER_S));
+        if (fabs(next / us - 1) < 0.25)
+            return 0;
+        us = (int)(next / 10) * 10; /* resolution of the integration time, spectrometer-ocean.md 3.1 */
+    }
+    return 0;
+}
+
+static json_t *spectrum_json(const struct campaign *c, const struct frame *frames, int n, int exposure_us) {
+    const struct calibration *k = spectrometer_calibration(c->instruments.spectrometer);
+    json_t *lambda = json_array(), *counts = json_array();
+    int saturated = 0;
+    for (int i = 0; i < n; i++)
+        saturated = frames[i].saturated_pixels > saturated ? frames[i].saturated_pixels : saturated;
+    for (int p = k->active_first; p <= k->active_last; p++) {
+        double sum = 0;
+        for (int i = 0; i < n; i++)
+            sum += frames[i].counts[p];
+        json_array_append_new(lambda, json_real(calibration_lambda_nm(k, p)));
+        json_array_append_new(counts, json_real(sum / n));
+    }
+    return json_pack("{s:o, s:o, s:f, s:i, s:i, s:i, s:s, s:s, s:b}", "lambda_nm", lambda, "counts", counts,
+                     "exposure_ms", exposure_us / (double)US_PER_MS, "average", n, "saturated_pixels",
+                     saturated, "saturation", k->saturation, "model", k->model, "serial", k->serial, "lamp",
+                     frames[0].lamp);
+}
+
+static int spectrum(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
+    int n = m->average > 0 ? m->average : 1;
+    int exposure_us = (int)(m->exposure_ms * US_PER_MS);
+    if (n > SPECTRUM_SCANS_MAX)
+        return err_set(e, ERR_USAGE, "an average of %d scans is too long: at most %d", n, SPECTRUM_SCANS_MAX);
+    struct frame *frames = calloc(n, sizeof *frames);
+    if (!frames)
+        return err_set(e, ERR_NOMEM, "no memory for %d scans", n);
+    int result = campaign_ready_spectrometer(c, e);
+    struct spectrometer *s = c->instruments.spectrometer;
+    if (result == 0 && c->setup.config->shutter == SHUTTER_LAMP_LINE) {
+        c->lamp = -1;
+        result = spectrometer_set_lamp(s, m->lamp, &c->cancel, e);
+    }
+    if (result == 0 && m->lamp && c->lamp_since_us == INT64_MIN)
+        c->lamp_since_us = clock_now_us(c->clock);
+    if (result == 0 && exposure_us == 0)
+        result = find_exposure(c, frames, &exposure_us, e);
+    if (result == 0)
+        result = spectrometer_set_exposure(s, exposure_us, &c->cancel, e);
+    if (result == 0)
+        result = spectrometer_acquire(s, n, clock_now_us(c->clock), frames, &c->cancel, e);
+    if (result == 0)
+        *out = spectrum_json(c, frames, n, exposure_us);
+    free(frames);
+    return result;
+}
+
+/* ---- devices ---- */
+
+static json_t *usb_json(void) {
+    struct usb_found found[32];
+    struct err e = {0};
+    json_t *all = json_array();
+    int n = usb_link_list(found, 32, &e);
+    if (n < 0)
+        json_array_append_new(all, json_pack("{s:s}", "error", e.text));
+    for (int i = 0; i < n; i++)
+        json_array_append_new(all, json_pack("{s:i, s:i, s:s, s:s, s:b, s:b}", "vid", found[i].info.vid,
+                                             "pid", found[i].info.pid, "serial", found[i].info.serial, "path",
+                                             found[i].info.path, "can_open", found[i].can_open, "busy",
+                                             found[i].busy));
+    return all;
+}
+
+static int devices(struct campaign *c, json_t **out, struct err *e) {
+    struct err opening = {0};
+    json_t *axes = NULL;
+    int result = where(c, &axes, &opening);
+    if (result == -ERR_CANCELLED)
+        return err_set(e, ERR_CANCELLED, "stopped");
+    *out = json_pack("{s:o, s:o}", "usb", usb_json(), "axes",
+                     axes ? json_incref(json_object_get(axes, "axes")) : json_object());
+    json_decref(axes);
+    if (opening.code)
+        json_object_set_new(*out, "axes_error", json_string(opening.text));
+    return 0;
+}
+
+/* ---- one order ---- */
+
+static int execute(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
+    switch (m->kind) {
+    case MANUAL_DEVICES:
+        return devices(c, out, e);
+    case MANUAL_WHERE:
+        return where(c, out, e);
+    case MANUAL_HOME:
+        return home(c, m, out, e);
+    case MANUAL_MOVE:
+        return move(c, m, out, e);
+    case MANUAL_SPECTRUM:
+        return spectrum(c, m, out, e);
+    default:
+        return err_set(e, ERR_USAGE, "this order is not known");
+    }
+}
+
+void campaign_manual(struct campaign *c) {
+    struct err e = {0};
+    json_t *out = NULL;
+    int result = execute(c, &c->manual.manual, &out, &e);
+    char *text = out ? json_dumps(out, JSON_COMPACT) : NULL;
+    json_decref(out);
+    if (result < 0 && !e.code)
+        err_set(&e, -result, "stopped");
+    desk_finish(c->setup.desk, c->manual.ticket, result, e.text, text);
+    c->manual_pending = false;
+    atomic_store(&c->cancel.raised, false);
+    campaign_publish(c);
+}

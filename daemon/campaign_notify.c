@@ -1,0 +1,76 @@
+/* Tells the outside: each program of the config's `notify` is started with the event as JSON on its stdin, and left
+ * alone. It cannot delay the campaign: its input fits into the pipe, nobody waits for its end. */
+#include "daemon/campaign_private.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define NOTIFY_MAX 16 /* programs that have not ended; more are not started */
+
+extern char **environ;
+
+static pid_t running[NOTIFY_MAX];
+
+void campaign_notify_reap(void) {
+    for (int i = 0; i < NOTIFY_MAX; i++)
+        if (running[i] > 0 && waitpid(running[i], NULL, WNOHANG) != 0)
+            running[i] = 0;
+}
+
+static pid_t *free_place(void) {
+    campaign_notify_reap();
+    for (int i = 0; i < NOTIFY_MAX; i++)
+        if (!running[i])
+            return &running[i];
+    return NULL;
+}
+
+static int spawn(const char *program, int input, pid_t *child) {
+    posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    char *argv[] = {(char *)program, NULL};
+    int result = posix_spawn(child, program, &actions, &attributes, argv, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
+    return result;
+}
+
+static void tell(const char *program, const char *text) {
+    pid_t *place = free_place();
+    int end[2];
+    if (!place || pipe2(end, O_CLOEXEC | O_NONBLOCK) < 0)
+        return;
+    /* An event is far smaller than a pipe, so this is one write that cannot block. */
+    bool written = write(end[1], text, strlen(text)) == (ssize_t)strlen(text);
+    if (!written || spawn(program, end[0], place) != 0)
+        *place = 0;
+    close(end[0]);
+    close(end[1]);
+}
+
+void campaign_notify(struct campaign *c, const char *kind, const json_t *json) {
+    const struct config *config = c->setup.config;
+    if (config->n_notify == 0)
+        return;
+    json_t *event =
+        json_pack("{s:s, s:s, s:O}", "event", kind, "job", c->job ? c->job->name : "", "detail", json);
+    char *text = json_dumps(event, JSON_COMPACT);
+    for (int i = 0; text && i < config->n_notify; i++)
+        tell(config->notify[i], text);
+    free(text);
+    json_decref(event);
+}

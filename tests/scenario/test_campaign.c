@@ -1,0 +1,298 @@
+/* A campaign from end to end in virtual time: job in, points against the truth, pause, resume, abort, same bytes. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "proto/units.h"
+#include "sim/sim.h"
+#include "tests/support/lab.h"
+
+#define INCIDENCES "[20, 40]"
+#define VIEWS "{from: -60, to: 60, step: 15}"
+#define N_POINTS 17 /* of 18 one has the source in front of the sensor; some are measured twice */
+
+static const struct simulate_options seed1 = {.seed = 1};
+
+struct fixture {
+    char dir[96];
+    struct lab lab;
+};
+
+static int set_up(void **state) {
+    static struct fixture f;
+    memset(&f, 0, sizeof f);
+    lab_make_dir(f.dir);
+    *state = &f;
+    return 0;
+}
+
+static int tear_down(void **state) {
+    struct fixture *f = *state;
+    lab_remove_dir(f->dir);
+    return 0;
+}
+
+static double seconds(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return t.tv_sec + t.tv_nsec * 1e-9;
+}
+
+/* ---- what a session holds against the truth ---- */
+
+struct judgement {
+    struct sim_surface surface;
+    int n, provisional;
+    double sum, sum2, worst;
+    double mean[256];
+    int32_t at[256][2];
+};
+
+static double true_mean(const struct sim_surface *s, double theta_i_deg, double theta_v_deg) {
+    double sum = 0;
+    int n = 0;
+    for (int k = 0; k < BANDS; k++)
+        if (band_nm(k) >= 400 && band_nm(k) <= 700) {
+            sum += sim_surface_beta(s, theta_i_deg, theta_v_deg, k);
+            n++;
+        }
+    return sum / n;
+}
+
+/* Angle parts are no part of a point's u: slope of the truth times what the stage states (sim_config_default). */
+static double angle_variance(const struct sim_surface *s, double i, double v) {
+    const double u2 = 0.01 * 0.01 + 0.002 * 0.002, h = 0.05;
+    double by_i = (true_mean(s, i + h, v) - true_mean(s, i - h, v)) / (2 * h);
+    double by_v = (true_mean(s, i, v + h) - true_mean(s, i, v - h)) / (2 * h);
+    return u2 * (by_i * by_i + (by_v - by_i) * (by_v - by_i));
+}
+
+static int judge(void *arg, const struct point *p) {
+    struct judgement *j = arg;
+    if (p->provisional) { /* of a bracket that was broken off: its geometry has been measured again */
+        j->provisional++;
+        return 0;
+    }
+    double i = deg_from_udeg(p->theta_i_udeg), v = deg_from_udeg(p->theta_v_udeg);
+    double truth = true_mean(&j->surface, i, v);
+    double variance = p->mean_u_ind * p->mean_u_ind + angle_variance(&j->surface, i, v);
+    for (int k = 0; k < p->n_common; k++)
+        variance += p->common[k].mean * p->common[k].mean;
+    variance += 1e-9 * 450 * truth * truth; /* lamp drift within a bracket of 15 min */
+    double pull = (p->mean - truth) / sqrt(variance);
+    if (j->n < 256) {
+        j->mean[j->n] = p->mean;
+        j->at[j->n][0] = p->theta_i_udeg;
+        j->at[j->n][1] = p->theta_v_udeg;
+    }
+    j->n++;
+    j->sum += pull;
+    j->sum2 += pull * pull;
+    j->worst = fmax(j->worst, fabs(pull));
+    return 0;
+}
+
+static void judge_session(const struct lab *lab, const char *name, struct judgement *j) {
+    struct err e = {0};
+    memset(j, 0, sizeof *j);
+    assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, &j->surface, NULL), 0);
+    struct session *s = lab_open_session(lab, name);
+    if (session_each_point(s, false, judge, j, &e) < 0)
+        fail_msg("%s", e.text);
+    session_close(s, NULL);
+}
+
+static void verify(const struct lab *lab, const char *name) {
+    struct err_list found = {0};
+    char path[320];
+    snprintf(path, sizeof path, "%s/%s.gonio", lab->dir, name);
+    if (session_verify(path, &found, NULL) < 0)
+        fail_msg("%s: %s", name, found.n ? found.item[0].text : "not sound");
+    err_list_free(&found);
+}
+
+static char *dump(const struct lab *lab, const char *name, size_t *size) {
+    char *text = NULL;
+    struct session *s = lab_open_session(lab, name);
+    FILE *out = open_memstream(&text, size);
+    assert_int_equal(session_dump(s, out, NULL), 0);
+    fclose(out);
+    session_close(s, NULL);
+    return text;
+}
+
+static void run_job(struct fixture *f, const char *name, const char *mode) {
+    char *text = lab_job_text(name, INCIDENCES, VIEWS, mode);
+    lab_job(&f->lab, text);
+    free(text);
+    lab_run(&f->lab);
+}
+
+/* ---- tests ---- */
+
+static void points_agree_with_the_truth(void **state) {
+    struct fixture *f = *state;
+    struct judgement j;
+    char name[192];
+    double begun = seconds();
+    lab_open(&f->lab, f->dir, &seed1, NULL);
+    run_job(f, "small", "every_geometry");
+    assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
+    assert_true(lab_session(&f->lab, 0, name));
+    verify(&f->lab, name);
+    judge_session(&f->lab, name, &j);
+    print_message(
+        "# %s: %d points in %.2f s of this machine, %.0f s of the bench; pulls: mean %.2f, rms %.2f, "
+        "worst %.2f\n",
+        name, j.n, seconds() - begun, clock_now_us(&f->lab.clock) / 1e6, j.sum / j.n, sqrt(j.sum2 / j.n),
+        j.worst);
+    assert_int_equal(j.n, N_POINTS);
+    assert_int_equal(j.provisional, 0);
+    assert_true(j.worst < 5);
+    lab_close(&f->lab);
+}
+
+static void one_seed_gives_the_same_bytes(void **state) {
+    struct fixture *f = *state;
+    char *text[2], name[192];
+    size_t size[2];
+    for (int i = 0; i < 2; i++) {
+        char dir[96];
+        lab_make_dir(dir);
+        lab_open(&f->lab, dir, &seed1, NULL);
+        run_job(f, "small", "fixed");
+        assert_true(lab_session(&f->lab, 0, name));
+        text[i] = dump(&f->lab, name, &size[i]);
+        lab_close(&f->lab);
+        lab_remove_dir(dir);
+    }
+    assert_int_equal(size[0], size[1]);
+    assert_true(size[0] > 10000);
+    assert_memory_equal(text[0], text[1], size[0]);
+    free(text[0]);
+    free(text[1]);
+}
+
+static void reference_modes_agree(void **state) {
+    static const char *const mode[] = {"fixed", "per_incidence", "every_geometry", "start_end"};
+    struct fixture *f = *state;
+    struct judgement j;
+    char name[192];
+    for (int m = 0; m < 4; m++) {
+        lab_open(&f->lab, f->dir, &seed1, NULL);
+        run_job(f, mode[m], mode[m]);
+        assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
+        int at = 0;
+        while (lab_session(&f->lab, at, name) && strncmp(name, mode[m], 5) != 0)
+            at++;
+        judge_session(&f->lab, name, &j);
+        print_message("# %s: %d points, pulls: mean %.2f, rms %.2f, worst %.2f\n", mode[m], j.n, j.sum / j.n,
+                      sqrt(j.sum2 / j.n), j.worst);
+        assert_int_equal(j.n, N_POINTS);
+        assert_int_equal(j.provisional, 0);
+        assert_true(j.worst < 5);
+        lab_close(&f->lab);
+    }
+}
+
+static void pause_and_resume_lose_nothing(void **state) {
+    struct fixture *f = *state;
+    struct judgement j;
+    char name[192];
+    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_script(&f->lab, (struct lab_line){.steps = 6, .state = CAMPAIGN_RUNNING, .command = COMMAND_PAUSE});
+    lab_script(&f->lab, (struct lab_line){.state = CAMPAIGN_PAUSED, .command = COMMAND_RESUME});
+    lab_script(&f->lab,
+               (struct lab_line){.steps = 10, .state = CAMPAIGN_RUNNING, .command = COMMAND_PAUSE_NOW});
+    lab_script(&f->lab, (struct lab_line){.state = CAMPAIGN_PAUSED, .command = COMMAND_RESUME});
+    lab_script(&f->lab, (struct lab_line){.steps = 14, .state = CAMPAIGN_RUNNING, .command = COMMAND_STOP});
+    lab_script(&f->lab, (struct lab_line){.state = CAMPAIGN_PAUSED, .command = COMMAND_RESUME});
+    run_job(f, "paused", "fixed");
+    assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
+    assert_true(lab_session(&f->lab, 0, name));
+    verify(&f->lab, name);
+    judge_session(&f->lab, name, &j);
+    assert_int_equal(j.n, N_POINTS);
+    assert_int_equal(j.provisional, 0);
+    assert_true(j.worst < 5);
+    lab_close(&f->lab);
+}
+
+static int find_end(void *arg, int64_t us, const char *kind, const char *json) {
+    (void)us;
+    if (!strcmp(kind, "end"))
+        snprintf(arg, 256, "%s", json);
+    return 0;
+}
+
+static void abort_ends_it_in_any_state(void **state) {
+    static const struct lab_line way[][2] = {
+        {{.steps = 0, .state = CAMPAIGN_PREPARING, .command = COMMAND_ABORT}, {.steps = -1}},
+        {{.steps = 5, .state = CAMPAIGN_RUNNING, .command = COMMAND_ABORT}, {.steps = -1}},
+        {{.steps = 5, .state = CAMPAIGN_RUNNING, .command = COMMAND_PAUSE},
+         {.state = CAMPAIGN_PAUSING, .command = COMMAND_ABORT}},
+        {{.steps = 5, .state = CAMPAIGN_RUNNING, .command = COMMAND_PAUSE},
+         {.state = CAMPAIGN_PAUSED, .command = COMMAND_ABORT}},
+    };
+    struct fixture *f = *state;
+    for (size_t w = 0; w < sizeof way / sizeof *way; w++) {
+        char name[192], end[256] = "", dir[96];
+        lab_make_dir(dir);
+        lab_open(&f->lab, dir, &seed1, NULL);
+        for (int i = 0; i < 2 && way[w][i].steps >= 0; i++)
+            lab_script(&f->lab, way[w][i]);
+        run_job(f, "aborted", "fixed");
+        assert_int_equal(f->lab.ended, CAMPAIGN_ABORTED);
+        if (lab_session(&f->lab, 0, name)) {
+            verify(&f->lab, name);
+            struct session *s = lab_open_session(&f->lab, name);
+            assert_int_equal(session_each_event(s, find_end, end, NULL), 0);
+            session_close(s, NULL);
+            assert_non_null(strstr(end, "\"aborted\""));
+        }
+        lab_close(&f->lab);
+        lab_remove_dir(dir);
+    }
+}
+
+static void an_interrupted_session_goes_on(void **state) {
+    struct fixture *f = *state;
+    struct judgement j;
+    char name[192];
+    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_script(&f->lab,
+               (struct lab_line){.steps = 9, .state = CAMPAIGN_RUNNING, .command = COMMAND_INTERRUPT});
+    run_job(f, "interrupted", "every_geometry");
+    lab_close(&f->lab);
+    lab_open(&f->lab, f->dir, &seed1, NULL);
+    assert_true(lab_session(&f->lab, 0, name));
+    lab_resume(&f->lab, name);
+    lab_run(&f->lab);
+    assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
+    assert_false(lab_session(&f->lab, 1, name));
+    assert_true(lab_session(&f->lab, 0, name));
+    verify(&f->lab, name);
+    judge_session(&f->lab, name, &j);
+    assert_int_equal(j.n, N_POINTS);
+    assert_true(j.worst < 5);
+    lab_close(&f->lab);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(points_agree_with_the_truth, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(one_seed_gives_the_same_bytes, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(reference_modes_agree, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(pause_and_resume_lose_nothing, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(abort_ends_it_in_any_state, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_interrupted_session_goes_on, set_up, tear_down),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
