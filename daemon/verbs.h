@@ -67,6 +67,12 @@ int verb_move(int argc, char **argv);
 int verb_stop(int argc, char **argv);
 int verb_spectrum(int argc, char **argv);
 int verb_commission(int argc, char **argv);
+int verb_sessions(int argc, char **argv);
+int verb_show(int argc, char **argv);
+int verb_verify(int argc, char **argv);
+int verb_copy(int argc, char **argv);
+int verb_reduce(int argc, char **argv);
+int verb_export(int argc, char **argv);
 int verb_plot(int argc, char **argv);
 int verb_compare(int argc, char **argv);
 

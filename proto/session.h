@@ -164,6 +164,12 @@ int session_last_estimate(struct session *s, struct estimate *m,
  */
 int session_dump(struct session *s, void *file, struct err *e);                          /* file: FILE * */
 int session_dump_table(struct session *s, const char *table, void *file, struct err *e); /* one of them */
+/* The same lines for rows that are not stored; table: point, point_band or point_common. */
+void session_print_point(void *file, const char *table, const struct point *p);
+void session_print_bracket(void *file, int64_t id, const struct bracket *b);
+/* What u_common of the views holds: the common parts in quadrature. */
+double session_common_mean(const struct point *p);
+double session_common_band(const struct point *p, int band);
 int session_copy(const char *from, const char *to, struct err *e); /* snapshot, also of a live one */
 /* Reads everything: structure, foreign keys, settled < start < end, the exposure of every point, the chains
  * of superseded points. 0 with an empty list: sound. -ERR_INPUT: the list says what is wrong. */

@@ -136,14 +136,25 @@ int session_add_exposure(struct session *s, struct exposure *x, struct err *e) {
     return rc < 0 ? rc : session_leave(s, own, write_exposure(s, x, e), e);
 }
 
+double session_common_mean(const struct point *p) {
+    double sum = 0;
+    for (int k = 0; k < p->n_common; k++)
+        sum += p->common[k].mean * p->common[k].mean;
+    return sqrt(sum);
+}
+
+double session_common_band(const struct point *p, int band) {
+    double sum = 0;
+    for (int k = 0; k < p->n_common; k++)
+        sum += p->common[k].sensitivity[band] * p->common[k].sensitivity[band];
+    return sqrt(sum);
+}
+
 static int write_point_row(struct session *s, struct point *p, struct err *e) {
     struct query *q;
     int rc = store_query(s->store, "INSERT INTO point VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
-    double common2 = 0;
-    for (int k = 0; k < p->n_common; k++)
-        common2 += p->common[k].mean * p->common[k].mean;
     int at = 0;
     if (p->supersedes)
         query_bind_int(q, at++, p->supersedes);
@@ -161,7 +172,7 @@ static int write_point_row(struct session *s, struct point *p, struct err *e) {
     query_bind_int(q, at++, p->noisy);
     query_bind_double(q, at++, p->mean);
     query_bind_double(q, at++, p->mean_u_ind);
-    query_bind_double(q, at++, sqrt(common2));
+    query_bind_double(q, at++, session_common_mean(p));
     return query_run(q, &p->id, e);
 }
 
@@ -170,14 +181,11 @@ static int write_band(struct session *s, const struct point *p, int band, struct
     int rc = store_query(s->store, "INSERT INTO point_band VALUES (?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
-    double common2 = 0;
-    for (int k = 0; k < p->n_common; k++)
-        common2 += p->common[k].sensitivity[band] * p->common[k].sensitivity[band];
     query_bind_int(q, 0, p->id);
     query_bind_int(q, 1, band);
     query_bind_double(q, 2, p->beta[band]);
     query_bind_double(q, 3, p->u_ind[band]);
-    query_bind_double(q, 4, sqrt(common2));
+    query_bind_double(q, 4, session_common_band(p, band));
     query_bind_double(q, 5, p->cov_next[band]);
     return query_run(q, NULL, e);
 }

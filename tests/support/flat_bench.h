@@ -1,8 +1,8 @@
 /*
  * flat_bench.h — cases of the reduction small enough for a pencil.
  *
- * Flat spectra of 2048 pixels, a straight wavelength scale of 0.25 nm a pixel from 340 nm, no noise unless a test sets
- * it, two equal scans of 100 ms every 10 s, reference geometry 45:0.
+ * Flat spectra of 2048 pixels, a straight wavelength scale of 0.25 nm a pixel from 340 nm, no noise unless a test
+ * sets it, two equal scans of 100 ms every 10 s, reference geometry 45:0.
  */
 #ifndef TESTS_SUPPORT_FLAT_BENCH_H
 #define TESTS_SUPPORT_FLAT_BENCH_H

@@ -142,19 +142,19 @@ struct session *row_fill(const char *path, int n_points) {
     struct session *s;
     struct calibration c;
     uint16_t counts[ROW_SCANS * ROW_PIXELS];
-    OK(session_create(&s, path, e));
+    ROW_OK(session_create(&s, path, e));
     row_calibration(&c);
-    OK(session_set_calibration(s, &c, e));
-    OK(session_set_text(s, "job", "name: test\nsamples: []\t# tab\n", e));
-    OK(session_set_text(s, "seed", "17", e));
+    ROW_OK(session_set_calibration(s, &c, e));
+    ROW_OK(session_set_text(s, "job", "name: test\nsamples: []\t# tab\n", e));
+    ROW_OK(session_set_text(s, "seed", "17", e));
     for (int n = 1; n <= n_points; n++) {
         struct exposure x;
         struct point p;
         row_exposure(n, &x, counts);
-        OK(session_add_exposure(s, &x, e));
+        ROW_OK(session_add_exposure(s, &x, e));
         assert_int_equal(x.id, n);
         row_point(n, x.id, &p);
-        OK(session_add_point(s, &p, e));
+        ROW_OK(session_add_point(s, &p, e));
         assert_int_equal(p.id, n);
     }
     return s;

@@ -10,7 +10,7 @@
 #define ROW_SCANS 3
 
 /* A call that must succeed; inside it, e is a struct err *. */
-#define OK(call)                                                                                             \
+#define ROW_OK(call)                                                                                         \
     do {                                                                                                     \
         struct err e_ = {0}, *e = &e_;                                                                       \
         if ((call) < 0)                                                                                      \

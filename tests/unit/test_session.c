@@ -104,21 +104,21 @@ static int see_point(void *arg, const struct point *p) {
 
 static void exposures_and_points_come_back(void **state) {
     (void)state;
-    OK(session_close(fill(12), e));
+    ROW_OK(session_close(fill(12), e));
     struct session *s;
     int exposures = 0, points = 0;
-    OK(session_open(&s, path, true, e));
-    OK(session_each_exposure(s, see_exposure, &exposures, e));
-    OK(session_each_point(s, true, see_point, &points, e));
+    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_each_exposure(s, see_exposure, &exposures, e));
+    ROW_OK(session_each_point(s, true, see_point, &points, e));
     assert_int_equal(exposures, 12);
     assert_int_equal(points, 12);
     struct session_summary m;
-    OK(session_get_summary(s, &m, e));
+    ROW_OK(session_get_summary(s, &m, e));
     assert_int_equal(m.n_exposures, 12);
     assert_int_equal(m.n_final, 0);
     assert_int_equal(m.first_us, 1000010);
     assert_int_equal(m.last_us, 12500000);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
 }
 
 static int see_bracket(void *arg, const struct bracket *b) {
@@ -169,37 +169,38 @@ static void brackets_events_exchanges_and_texts_come_back(void **state) {
     for (int n = 1; n <= 3; n++) {
         struct bracket b;
         row_bracket(n, &b);
-        OK(session_add_bracket(s, &b, e));
+        ROW_OK(session_add_bracket(s, &b, e));
     }
-    OK(session_add_event(s, 77, "held", "{\"why\":\"door\"}", e));
+    ROW_OK(session_add_event(s, 77, "held", "{\"why\":\"door\"}", e));
     for (int n = 0; n < 6; n++)
-        OK(session_add_exchange(s, 1000 * n, 1000 * n + 7, n % 2 ? "rtu:A" : "rtu:B", request, sizeof request,
-                                n == 3 ? NULL : reply, n == 3 ? 0 : 4, n == 3 ? -ERR_TIMEOUT : 0, e));
+        ROW_OK(session_add_exchange(s, 1000 * n, 1000 * n + 7, n % 2 ? "rtu:A" : "rtu:B", request,
+                                    sizeof request, n == 3 ? NULL : reply, n == 3 ? 0 : 4,
+                                    n == 3 ? -ERR_TIMEOUT : 0, e));
     int brackets = 0, exchanges = 0;
-    OK(session_each_bracket(s, see_bracket, &brackets, e));
+    ROW_OK(session_each_bracket(s, see_bracket, &brackets, e));
     assert_int_equal(brackets, 3);
     assert_int_equal(session_each_event(s, see_event, NULL, NULL), 5);
-    OK(session_each_exchange(s, see_exchange, &exchanges, e));
+    ROW_OK(session_each_exchange(s, see_exchange, &exchanges, e));
     assert_int_equal(exchanges, 6);
     char all[100] = "", *text;
-    OK(session_each_text(s, see_text, all, e));
+    ROW_OK(session_each_text(s, see_text, all, e));
     assert_string_equal(all, "job=name: test\nsamples: []\t# tab\n;seed=17;");
-    OK(session_get_text(s, "seed", &text, e));
+    ROW_OK(session_get_text(s, "seed", &text, e));
     assert_string_equal(text, "17");
     free(text);
-    OK(session_get_text(s, "nothing", &text, e));
+    ROW_OK(session_get_text(s, "nothing", &text, e));
     assert_null(text);
     assert_int_equal(session_set_text(s, "seed", "18", NULL), -ERR_STATE);
     struct calibration c, want;
     row_calibration(&want);
-    OK(session_get_calibration(s, &c, e));
+    ROW_OK(session_get_calibration(s, &c, e));
     assert_doubles(c.wavelength, want.wavelength, 4);
     assert_doubles(c.nonlinearity, want.nonlinearity, 8);
     assert_string_equal(c.serial, want.serial);
     assert_int_equal(c.active_last, want.active_last);
     assert_int_equal(c.saturation, 60000);
     assert_true(c.nonlinearity_used);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
 }
 
 static int see_estimate(void *arg, int64_t us, int64_t last_point_id, const struct estimate *m) {
@@ -246,14 +247,14 @@ static void estimates_come_back(void **state) {
     assert_int_equal(session_last_estimate(s, &m, NULL), -ERR_STATE);
     for (int n = 1; n <= 3; n++) {
         row_estimate(n, &m);
-        OK(session_add_estimate(s, 1000 * n, n, &m, e));
+        ROW_OK(session_add_estimate(s, 1000 * n, n, &m, e));
     }
     int n = 0;
-    OK(session_each_estimate(s, see_estimate, &n, e));
+    ROW_OK(session_each_estimate(s, see_estimate, &n, e));
     assert_int_equal(n, 3);
-    OK(session_last_estimate(s, &m, e));
+    ROW_OK(session_last_estimate(s, &m, e));
     assert_int_equal(m.n_points, 13);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
@@ -264,16 +265,16 @@ static int make_example(const char *file) {
     struct session *s = fill(2);
     struct point p;
     struct bracket b;
-    OK(session_set_text(s, "goniod_version", "0.1.0", e));
+    ROW_OK(session_set_text(s, "goniod_version", "0.1.0", e));
     row_bracket(1, &b);
-    OK(session_add_bracket(s, &b, e));
+    ROW_OK(session_add_bracket(s, &b, e));
     for (int n = 1; n <= 2; n++) {
         row_point(n, n, &p);
         p.provisional = false;
         p.supersedes = n;
-        OK(session_add_point(s, &p, e));
+        ROW_OK(session_add_point(s, &p, e));
     }
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
     return 0;
 }
 

@@ -40,7 +40,7 @@ static void closing_leaves_one_file(void **state) {
     char name[120];
     snprintf(name, sizeof name, "%s-wal", path);
     assert_int_equal(access(name, F_OK), 0);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
     static const char *const tails[] = {"-wal", "-shm", "-lock", "-journal"};
     for (int i = 0; i < 4; i++) {
         snprintf(name, sizeof name, "%s%s", path, tails[i]);
@@ -61,24 +61,24 @@ static void a_reader_sees_a_live_writer_and_a_second_writer_is_refused(void **st
     struct err e = {0};
     assert_int_equal(session_open(&other, path, false, &e), -ERR_BUSY);
     assert_non_null(strstr(e.text, "another goniod"));
-    OK(session_open(&reader, path, true, e));
+    ROW_OK(session_open(&reader, path, true, e));
     int n = 0;
-    OK(session_each_point(reader, true, count_point, &n, e));
+    ROW_OK(session_each_point(reader, true, count_point, &n, e));
     assert_int_equal(n, 2);
     struct point p;
     row_point(3, 1, &p);
-    OK(session_begin(s, e));
-    OK(session_add_point(s, &p, e));
+    ROW_OK(session_begin(s, e));
+    ROW_OK(session_add_point(s, &p, e));
     n = 0;
-    OK(session_each_point(reader, true, count_point, &n, e));
+    ROW_OK(session_each_point(reader, true, count_point, &n, e));
     assert_int_equal(n, 2);
-    OK(session_commit(s, e));
+    ROW_OK(session_commit(s, e));
     n = 0;
-    OK(session_each_point(reader, true, count_point, &n, e));
+    ROW_OK(session_each_point(reader, true, count_point, &n, e));
     assert_int_equal(n, 3);
     assert_int_equal(session_add_point(reader, &p, NULL), -ERR_STATE);
-    OK(session_close(reader, e));
-    OK(session_close(s, e));
+    ROW_OK(session_close(reader, e));
+    ROW_OK(session_close(s, e));
 }
 
 /* Another program's hands on the file, with nothing of ours in between. */
@@ -92,7 +92,7 @@ static int raw_sql(const char *sql) {
 
 static void tables_are_insert_only(void **state) {
     (void)state;
-    OK(session_close(fill(2), e));
+    ROW_OK(session_close(fill(2), e));
     assert_int_equal(raw_sql("UPDATE point SET mean = 1"), SQLITE_CONSTRAINT);
     assert_int_equal(raw_sql("DELETE FROM exposure WHERE id = 2"), SQLITE_CONSTRAINT);
     assert_int_equal(raw_sql("UPDATE fact SET value = 'x'"), SQLITE_CONSTRAINT);
@@ -106,7 +106,7 @@ static void a_final_point_supersedes_its_provisional_one_once(void **state) {
     row_point(1, 1, &p);
     p.provisional = false;
     p.supersedes = 1;
-    OK(session_add_point(s, &p, e));
+    ROW_OK(session_add_point(s, &p, e));
     assert_int_equal(p.id, 3);
     assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
     p.supersedes = 99;
@@ -115,28 +115,28 @@ static void a_final_point_supersedes_its_provisional_one_once(void **state) {
     p.exposure_id = 99;
     assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
     int all = 0, standing = 0;
-    OK(session_each_point(s, true, count_point, &all, e));
-    OK(session_each_point(s, false, count_point, &standing, e));
+    ROW_OK(session_each_point(s, true, count_point, &all, e));
+    ROW_OK(session_each_point(s, false, count_point, &standing, e));
     assert_int_equal(all, 3);
     assert_int_equal(standing, 2);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
 }
 
 static void a_failed_row_spoils_its_transaction(void **state) {
     (void)state;
     struct session *s = fill(1);
     struct point p;
-    OK(session_begin(s, e));
+    ROW_OK(session_begin(s, e));
     row_point(2, 1, &p);
-    OK(session_add_point(s, &p, e));
+    ROW_OK(session_add_point(s, &p, e));
     p.exposure_id = 99;
     assert_int_equal(session_add_point(s, &p, NULL), -ERR_STATE);
     assert_int_equal(session_add_event(s, 1, "note", "", NULL), -ERR_STATE);
     assert_int_equal(session_commit(s, NULL), -ERR_STATE);
     int n = 0;
-    OK(session_each_point(s, true, count_point, &n, e));
+    ROW_OK(session_each_point(s, true, count_point, &n, e));
     assert_int_equal(n, 1);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
 }
 
 static void an_exposure_out_of_order_is_refused(void **state) {
@@ -150,10 +150,10 @@ static void an_exposure_out_of_order_is_refused(void **state) {
     assert_int_equal(session_add_exposure(s, &x, &e), -ERR_STATE);
     assert_non_null(strstr(e.text, "settled"));
     x.kind = EXPOSURE_DARK;
-    OK(session_add_exposure(s, &x, e));
+    ROW_OK(session_add_exposure(s, &x, e));
     x.end_us = x.start_us;
     assert_int_equal(session_add_exposure(s, &x, NULL), -ERR_STATE);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
 }
 
 /* A limit on the size of files stands in for the full disk: the kernel refuses the same write. */
@@ -211,7 +211,7 @@ static void a_full_disk_loses_no_committed_row(void **state) {
     assert_true(WIFEXITED(status));
     assert_int_equal(WEXITSTATUS(status), 0);
     struct err_list found = {0};
-    OK(session_verify(path, &found, e));
+    ROW_OK(session_verify(path, &found, e));
     err_list_free(&found);
 }
 
@@ -247,13 +247,13 @@ static void foreign_and_broken_files_are_named(void **state) {
     mkdir(path, 0755);
     expect_refused(ERR_INPUT, "not a file");
     rmdir(path);
-    OK(session_close(fill(5), e));
+    ROW_OK(session_close(fill(5), e));
     struct stat st;
     stat(path, &st);
     assert_int_equal(truncate(path, st.st_size / 2), 0);
     expect_refused(ERR_INPUT, "truncated");
     unlink(path);
-    OK(session_close(fill(1), e));
+    ROW_OK(session_close(fill(1), e));
     assert_int_equal(raw_sql("PRAGMA user_version = 99"), SQLITE_OK);
     expect_refused(ERR_INPUT, "newer goniod");
 }
@@ -275,9 +275,9 @@ static char *dump_text(const char *file) {
     char *text;
     size_t size;
     FILE *out = open_memstream(&text, &size);
-    OK(session_open(&s, file, true, e));
-    OK(session_dump(s, out, e));
-    OK(session_close(s, e));
+    ROW_OK(session_open(&s, file, true, e));
+    ROW_OK(session_dump(s, out, e));
+    ROW_OK(session_close(s, e));
     fclose(out);
     return text;
 }
@@ -287,7 +287,7 @@ static void a_copy_of_a_live_session_is_whole(void **state) {
     struct session *s = fill(5);
     char copy[120];
     snprintf(copy, sizeof copy, "%s/copy.gonio", folder);
-    OK(session_copy(path, copy, e));
+    ROW_OK(session_copy(path, copy, e));
     assert_int_equal(session_copy(path, copy, NULL), -ERR_BUSY);
     char *a = dump_text(path), *b = dump_text(copy);
     assert_string_equal(a, b);
@@ -296,9 +296,9 @@ static void a_copy_of_a_live_session_is_whole(void **state) {
     assert_non_null(strstr(a, "u_ind=0.00050000000000000001"));
     free(a);
     free(b);
-    OK(session_close(s, e));
+    ROW_OK(session_close(s, e));
     struct err_list found = {0};
-    OK(session_verify(copy, &found, e));
+    ROW_OK(session_verify(copy, &found, e));
     char name[140];
     snprintf(name, sizeof name, "%s-wal", copy);
     assert_int_not_equal(access(name, F_OK), 0);
@@ -307,7 +307,7 @@ static void a_copy_of_a_live_session_is_whole(void **state) {
 
 static void verify_finds(const char *sql, const char *word) {
     struct err_list found = {0};
-    OK(session_close(fill(4), e));
+    ROW_OK(session_close(fill(4), e));
     assert_int_equal(session_verify(path, &found, NULL), 0);
     assert_int_equal(raw_sql(sql), SQLITE_OK);
     assert_int_equal(session_verify(path, &found, NULL), -ERR_INPUT);
@@ -341,7 +341,7 @@ static void verify_finds_what_was_tampered_with(void **state) {
 
 static void damage_inside_is_found(void **state) {
     (void)state;
-    OK(session_close(fill(40), e));
+    ROW_OK(session_close(fill(40), e));
     int fd = open(path, O_RDWR);
     char noise[3000];
     memset(noise, 0xA5, sizeof noise);
@@ -355,14 +355,14 @@ static void damage_inside_is_found(void **state) {
 static void a_reader_does_not_stop_the_close(void **state) {
     (void)state;
     struct session *s = fill(3), *reader;
-    OK(session_open(&reader, path, true, e));
-    OK(session_close(s, e));
+    ROW_OK(session_open(&reader, path, true, e));
+    ROW_OK(session_close(s, e));
     int n = 0;
-    OK(session_each_point(reader, true, count_point, &n, e));
+    ROW_OK(session_each_point(reader, true, count_point, &n, e));
     assert_int_equal(n, 3);
-    OK(session_close(reader, e));
-    OK(session_open(&s, path, false, e));
-    OK(session_close(s, e));
+    ROW_OK(session_close(reader, e));
+    ROW_OK(session_open(&s, path, false, e));
+    ROW_OK(session_close(s, e));
     char log[120];
     snprintf(log, sizeof log, "%s-wal", path);
     assert_int_not_equal(access(log, F_OK), 0);

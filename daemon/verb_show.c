@@ -1,0 +1,178 @@
+/* show: what a session holds, for a person, as one JSON object, or every row of it. */
+#include <math.h>
+#include <stdio.h>
+
+#include "daemon/session_text.h"
+#include "daemon/verb_session.h"
+
+struct shown {
+    struct session *s;
+    const char *path;
+    struct session_summary summary;
+    json_t *sample; /* may be NULL */
+    char state[32];
+    bool has_estimate;
+    struct estimate estimate;
+    int64_t saturated;
+};
+
+static int count_saturated(void *arg, const struct exposure *x) {
+    ((struct shown *)arg)->saturated += x->saturated_pixels > 0;
+    return 0;
+}
+
+static int load(struct shown *w, struct err *e) {
+    int rc = session_get_summary(w->s, &w->summary, e);
+    if (rc == 0)
+        rc = session_each_exposure(w->s, count_saturated, w, e);
+    if (rc == 0)
+        rc = session_text_state(w->s, w->state, sizeof w->state, e);
+    if (rc == 0)
+        rc = session_text_json(w->s, "sample", &w->sample, e);
+    if (rc == 0 && w->summary.n_estimates) {
+        rc = session_last_estimate(w->s, &w->estimate, e);
+        w->has_estimate = rc == 0;
+    }
+    return rc;
+}
+
+static const char *member(const json_t *object, const char *key) {
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
+
+static void print_sample(const struct shown *w) {
+    const json_t *water = json_object_get(w->sample, "water_percent");
+    printf("  sample     %s", member(w->sample, "name"));
+    if (*member(w->sample, "paint"))
+        printf(": %s on %s", member(w->sample, "paint"), member(w->sample, "support"));
+    if (water)
+        printf(", %g %% water", json_number_value(water));
+    putchar('\n');
+}
+
+static void print_counts(const struct shown *w) {
+    const struct session_summary *m = &w->summary;
+    char begun[40];
+    printf("  state      %s\n", w->state);
+    if (m->n_exposures)
+        printf("  measured   %s UTC, %.2f h\n", session_text_utc(m->first_utc_us, begun, sizeof begun),
+               (double)(m->last_us - m->first_us) / 3.6e9);
+    printf("  exposures  %lld sets, %lld of them saturated; %lld exchanges on the buses\n",
+           (long long)m->n_exposures, (long long)w->saturated, (long long)m->n_exchanges);
+    printf("  points     %lld final, %lld provisional rows; %lld brackets\n", (long long)m->n_final,
+           (long long)(m->n_points - m->n_final), (long long)m->n_brackets);
+}
+
+static void print_parameter(const struct estimate *m, int k) {
+    const char *name = material_parameter_name(m->model, k);
+    if (!name)
+        return;
+    double statistical = m->statistical[k][k], common = m->common[k][k];
+    printf("    %-12s %12.6g", name, m->value[k]);
+    if (m->at_bound[k])
+        printf("   at its bound; 95 %% limit %.4g\n", m->limit_95[k]);
+    else if (m->not_identifiable[k])
+        printf("   not identifiable: %s\n", m->gap[k].why);
+    else
+        printf("   u %.2g (statistical %.2g, common %.2g)\n", sqrt(statistical + common), sqrt(statistical),
+               sqrt(common));
+}
+
+static void print_estimate(const struct estimate *m) {
+    if (!m->converged) {
+        printf("  estimate   none: %s\n", m->refusal);
+        return;
+    }
+    printf("  estimate   %s%s of %d points, mean of %d to %d nm, kappa %g, q %.5g\n",
+           m->provisional ? "provisional, " : "", m->model, m->n_points, m->mean_low_nm, m->mean_high_nm,
+           m->kappa, m->q);
+    for (int k = 0; k < MATERIAL_PARAMETERS; k++)
+        print_parameter(m, k);
+    for (int i = 0; i < m->n_warnings; i++)
+        printf("    note: %s\n", m->warning[i]);
+}
+
+static int show_text(struct shown *w) {
+    puts(w->path);
+    if (w->sample)
+        print_sample(w);
+    print_counts(w);
+    if (w->has_estimate)
+        print_estimate(&w->estimate);
+    return 0;
+}
+
+static json_t *real_or_null(double value) {
+    return isfinite(value) ? json_real(value) : json_null();
+}
+
+static int add_point(void *arg, const struct point *p) {
+    double common = 0;
+    for (int k = 0; k < p->n_common; k++)
+        common += p->common[k].mean * p->common[k].mean;
+    json_t *one =
+        json_pack("{s:I, s:f, s:f, s:b}", "point", (json_int_t)p->id, "theta_i_deg", p->theta_i_udeg / 1e6,
+                  "theta_v_deg", p->theta_v_udeg / 1e6, "provisional", p->provisional);
+    json_object_set_new(one, "beta", real_or_null(p->mean));
+    json_object_set_new(one, "u_ind", real_or_null(p->mean_u_ind));
+    json_object_set_new(one, "u_common", real_or_null(sqrt(common)));
+    return json_array_append_new(arg, one) == 0 ? 0 : -ERR_NOMEM;
+}
+
+static int show_json(struct shown *w, struct err *e) {
+    const struct session_summary *m = &w->summary;
+    char begun[40];
+    json_t *points = json_array();
+    int rc = session_each_point(w->s, false, add_point, points, e);
+    json_t *all =
+        json_pack("{s:s, s:s, s:I, s:I, s:I, s:I, s:I, s:I, s:I}", "session", w->path, "state", w->state,
+                  "exposures", (json_int_t)m->n_exposures, "saturated", (json_int_t)w->saturated, "exchanges",
+                  (json_int_t)m->n_exchanges, "brackets", (json_int_t)m->n_brackets, "points_final",
+                  (json_int_t)m->n_final, "points_stored", (json_int_t)m->n_points, "estimates",
+                  (json_int_t)m->n_estimates);
+    if (m->n_exposures)
+        json_object_set_new(all, "begun_utc",
+                            json_string(session_text_utc(m->first_utc_us, begun, sizeof begun)));
+    json_object_set_new(all, "elapsed_s", json_real((double)(m->last_us - m->first_us) / 1e6));
+    if (w->sample)
+        json_object_set(all, "sample", w->sample);
+    json_object_set_new(all, "points", points);
+    if (w->has_estimate)
+        json_object_set_new(all, "estimate", estimate_to_json(&w->estimate));
+    if (rc == 0) {
+        json_dumpf(all, stdout, JSON_COMPACT);
+        putchar('\n');
+    }
+    json_decref(all);
+    return rc;
+}
+
+static int show(struct shown *w, const struct verb_args *args, struct err *e) {
+    if (args->option[0])
+        return session_dump(w->s, stdout, e);
+    int rc = load(w, e);
+    if (rc == 0)
+        rc = args->json ? show_json(w, e) : show_text(w);
+    json_decref(w->sample);
+    return rc;
+}
+
+int verb_show(int argc, char **argv) {
+    static const struct verb_option OPTIONS[] = {{"--dump", 0, NULL, "every table in key order, as text"},
+                                                 {0}};
+    struct verb_args args;
+    struct err e = {0};
+    char path[600];
+    int done = verb_parse(argc, argv, OPTIONS, 1, 1, &args);
+    if (done >= 0)
+        return done;
+    struct shown w = {.path = path};
+    int rc = verb_session_path(&args, args.operand[0], path, sizeof path, &e);
+    if (rc == 0)
+        rc = session_open(&w.s, path, true, &e);
+    if (rc == 0)
+        rc = show(&w, &args, &e);
+    session_close(w.s, NULL);
+    return rc < 0 ? verb_fail(&e, NULL) : 0;
+}
