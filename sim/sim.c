@@ -172,11 +172,13 @@ void sim_bench_set_visits(struct sim_bench *bench, const char *holder_position, 
         steps[TRUTH_HOLDER] = truth_raw_steps(t, TRUTH_HOLDER, m->position.deg);
     else if (m)
         steps[TRUTH_HOLDER] = truth_raw_steps(t, TRUTH_HOLDER, (double)(m - t->mount));
-    truth_add_visits(t, truth_state(t, steps, lamp_on, (uint32_t)exposure_us), visits);
+    uint64_t state = truth_state(t, steps, lamp_on, (uint32_t)exposure_us);
+    int more = visits - truth_add_visits(t, state, 0);
+    truth_add_visits(t, state, more);
     for (int r = 0; r < TRUTH_ROLES;
          r++) /* each visit of a state is at most one arrival: no draw comes twice */
         if (t->axis[r].unit)
-            plant_add_visits(&t->axis[r].unit->plant, steps[r], visits);
+            plant_add_visits(&t->axis[r].unit->plant, steps[r], more);
 }
 
 void sim_bench_update(struct sim_bench *bench, int64_t now_us) {

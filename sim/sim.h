@@ -92,7 +92,7 @@ int sim_bench_turn(struct sim_bench *bench, const char *role, double user_deg, s
 /* Where an axis truly stands now: user coordinates against the true zero, gear and repeatability included.
  * For tests and for the demo's table; nothing of goniod may see it. */
 double sim_bench_true_deg(const struct sim_bench *bench, const char *role);
-/* Visit counts of a session that is resumed, so that noise goes on where it stood. */
+/* Sets how often a resumed session has been in a state, so that noise goes on where it stood. */
 void sim_bench_set_visits(struct sim_bench *bench, const char *holder_position, int32_t source_udeg,
                           int32_t sample_udeg, int exposure_us, bool lamp, int visits);
 
