@@ -77,29 +77,20 @@ static int decode_wavelengths(const spectrometer_eeprom_slots slots, struct cali
     return 0;
 }
 
-/* Positive wherever counts can be (spectrometer-ocean.md 5). */
-static bool plausible_polynomial(const double *coefficient, int order) {
-    for (int s = 0; s <= FULL_SCALE; s += 15) {
-        double p = 0;
-        for (int k = order; k >= 0; k--)
-            p = p * s + coefficient[k];
-        if (!(p > 0) || !isfinite(p))
-            return false;
-    }
-    return coefficient[0] > 0.5 && coefficient[0] < 1.5;
-}
-
 static void decode_nonlinearity(const spectrometer_eeprom_slots slots, struct calibration *c) {
-    double order, coefficient[8] = {0};
+    double order;
     bool good = slot_number(slots[SLOT_ORDER], &order) && order >= 0 && order <= 7 && order == floor(order);
-    for (int k = 0; good && k <= (int)order; k++)
-        good = slot_number(slots[SLOT_NONLINEARITY + k], &coefficient[k]);
-    good = good && plausible_polynomial(coefficient, (int)order);
-    c->nonlinearity_used = good;
     c->nonlinearity_order = good ? (int)order : 0;
-    c->nonlinearity[0] = 1;
+    for (int k = 0; good && k <= c->nonlinearity_order; k++)
+        good = slot_number(slots[SLOT_NONLINEARITY + k], &c->nonlinearity[k]);
+    c->nonlinearity_used = false;
     if (good)
-        memcpy(c->nonlinearity, coefficient, sizeof coefficient);
+        calibration_judge_nonlinearity(c);
+    if (c->nonlinearity_used)
+        return;
+    memset(c->nonlinearity, 0, sizeof c->nonlinearity);
+    c->nonlinearity[0] = 1;
+    c->nonlinearity_order = 0;
 }
 
 static int decode_saturation(const uint8_t slot[SPECTROMETER_WIRE_SLOT], struct calibration *c,

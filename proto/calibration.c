@@ -29,10 +29,3 @@ void calibration_judge_nonlinearity(struct calibration *c) {
             return;
     c->nonlinearity_used = true;
 }
-
-double calibration_linear(const struct calibration *c, double scaled) {
-    if (!c->nonlinearity_used)
-        return scaled;
-    double judged = scaled < 0 ? 0 : scaled > FULL_SCALE ? FULL_SCALE : scaled;
-    return scaled / polynomial(c->nonlinearity, c->nonlinearity_order, judged);
-}

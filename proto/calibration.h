@@ -28,8 +28,5 @@ struct calibration {
 double calibration_lambda_nm(const struct calibration *c, int pixel);
 /* Looks at the polynomial and sets nonlinearity_used. */
 void calibration_judge_nonlinearity(struct calibration *c);
-/* S' / P(S'), S' in counts scaled to 65535, after the dark. Outside 0..65535, where P was not judged, P at
- * the nearer end is used. */
-double calibration_linear(const struct calibration *c, double scaled);
 
 #endif

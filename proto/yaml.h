@@ -90,7 +90,6 @@ bool yaml_is_map(const struct yaml_node *node);
 bool yaml_is_list(const struct yaml_node *node);
 bool yaml_is_null(const struct yaml_node *node);                           /* nothing, ~ or null */
 const char *yaml_text(const struct yaml_node *node);                       /* NULL if not a scalar */
-const char *yaml_scalar(const struct yaml_node *node, size_t *size);       /* the same with its size */
 size_t yaml_count(const struct yaml_node *node);                           /* items; 0 for a scalar */
 const struct yaml_node *yaml_item(const struct yaml_node *node, size_t i); /* value i of a map or list */
 const char *yaml_item_name(const struct yaml_node *map, size_t i);

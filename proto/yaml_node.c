@@ -27,12 +27,6 @@ const char *yaml_text(const struct yaml_node *node) {
     return node && node->kind == YAML_KIND_SCALAR ? node->text : NULL;
 }
 
-const char *yaml_scalar(const struct yaml_node *node, size_t *size) {
-    const char *text = yaml_text(node);
-    *size = text ? node->size : 0;
-    return text;
-}
-
 size_t yaml_count(const struct yaml_node *node) {
     return node ? node->n : 0;
 }

@@ -22,11 +22,6 @@ static void a_sound_polynomial_is_used(void **state) {
     struct calibration c = {.nonlinearity = {0.9, 4e-6, -1e-11}, .nonlinearity_order = 2};
     calibration_judge_nonlinearity(&c);
     assert_true(c.nonlinearity_used);
-    double s = 30000, p = 0.9 + 4e-6 * s - 1e-11 * s * s;
-    assert_true(fabs(calibration_linear(&c, s) / (s / p) - 1) < 1e-15);
-    assert_true(calibration_linear(&c, -9) == -9 / 0.9);
-    c.nonlinearity_used = false;
-    assert_true(calibration_linear(&c, s) == s);
 }
 
 static void an_absurd_polynomial_is_not(void **state) {
@@ -45,7 +40,6 @@ static void an_absurd_polynomial_is_not(void **state) {
         c.nonlinearity_used = true;
         calibration_judge_nonlinearity(&c);
         assert_false(c.nonlinearity_used);
-        assert_true(calibration_linear(&c, 1234.5) == 1234.5);
     }
 }
 
