@@ -89,7 +89,7 @@ static bool is_session(const char *text, size_t size) {
     return size >= 16 && memcmp(text, "SQLite format 3", 16) == 0;
 }
 
-static int read_points(const char *path, struct dataset *data, struct err_list *errors) {
+static int read_points(const char *path, struct fitset *data, struct err_list *errors) {
     struct err e = {0};
     char *text = NULL;
     size_t size = 0;
@@ -173,8 +173,8 @@ static int by_bic(const void *a, const void *b) {
 
 static int fit_models(const char *path, const struct options *o, struct result *results, int *n,
                       struct err_list *errors) {
-    struct dataset data;
-    dataset_init(&data);
+    struct fitset data;
+    fitset_init(&data);
     int status = read_points(path, &data, errors), first = *n;
     data.input.unweighted = o->unweighted;
     if (o->paper) {
@@ -191,12 +191,12 @@ static int fit_models(const char *path, const struct options *o, struct result *
         *r = (struct result){.file = path};
         data.input.model = name;
         data.input.trace = &r->trace;
-        status = dataset_fit(&data, &r->estimate, &e);
+        status = fitset_fit(&data, &r->estimate, &e);
         if (status) {
             err_list_add(errors, &e);
         }
     }
-    dataset_free(&data);
+    fitset_free(&data);
     qsort(results + first, (size_t)(*n - first), sizeof *results, by_bic);
     return status;
 }

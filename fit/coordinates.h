@@ -4,7 +4,7 @@
  * A = beta' F(45 deg, n), the height of the lobe at 45 deg, is nearly uncorrelated with n where beta' is not
  * (reflection-model.md 3.3). x[k] by the model's columns (reflectance_parameter), value[] by enum
  * material_parameter. Bounds are those of measurement.md 10; A is held within 1e-7 .. 1e7.
- * Checked    tests/unit/test_coordinates.c
+ * Checked    tests/unit/test_fit_parts.c
  */
 #ifndef FIT_COORDINATES_H
 #define FIT_COORDINATES_H

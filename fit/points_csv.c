@@ -97,7 +97,7 @@ static int read_cell(const struct csv *csv, size_t row, int column, const char *
 }
 
 /* The mean over the columns within mean_nm, and its independent u. */
-static void take_mean(const struct dataset *d, struct dataset_point *point) {
+static void take_mean(const struct fitset *d, struct fitset_point *point) {
     double sum = 0, square = 0;
     int count = 0;
     for (int b = 0; b < BANDS; b++) {
@@ -124,17 +124,17 @@ static int read_bands(const struct csv *csv, size_t row, const struct layout *l,
     return status;
 }
 
-static int add_common(struct dataset *d, const double *cell, struct err *e) {
+static int add_common(struct fitset *d, const double *cell, struct err *e) {
     double change = 0;
     if (!isnan(cell[U_COMMON_REL])) {
         change = cell[U_COMMON_REL] * cell[BETA];
     } else if (!isnan(cell[U_BETA]) && !isnan(cell[U_IND])) {
         change = sqrt(fmax(cell[U_BETA] * cell[U_BETA] - cell[U_IND] * cell[U_IND], 0));
     }
-    return change == 0 ? 0 : dataset_add_cause(d, "common", d->n - 1, change, NULL, e);
+    return change == 0 ? 0 : fitset_add_cause(d, "common", d->n - 1, change, NULL, e);
 }
 
-static int read_row(const struct csv *csv, size_t row, const struct layout *l, struct dataset *d,
+static int read_row(const struct csv *csv, size_t row, const struct layout *l, struct fitset *d,
                     struct err_list *errors) {
     static const double low[COLUMNS] = {0, -89.9999, -1e12, 0, 0, 0};
     static const double high[COLUMNS] = {89.9999, 89.9999, 1e12, 1e12, 1e12, 10};
@@ -144,10 +144,10 @@ static int read_row(const struct csv *csv, size_t row, const struct layout *l, s
         int got = read_cell(csv, row, l->column[c], names[c], low[c], high[c], &cell[c], errors);
         status = status ? status : got;
     }
-    struct dataset_point point = {.theta_i_deg = cell[THETA_I],
-                                  .theta_v_deg = cell[THETA_V],
-                                  .beta = cell[BETA],
-                                  .u_ind = isnan(cell[U_IND]) ? cell[U_BETA] : cell[U_IND]};
+    struct fitset_point point = {.theta_i_deg = cell[THETA_I],
+                                 .theta_v_deg = cell[THETA_V],
+                                 .beta = cell[BETA],
+                                 .u_ind = isnan(cell[U_IND]) ? cell[U_BETA] : cell[U_IND]};
     if (l->spectral) {
         int got = read_bands(csv, row, l, bands, bands_u, errors);
         status = status ? status : got;
@@ -165,13 +165,13 @@ static int read_row(const struct csv *csv, size_t row, const struct layout *l, s
         d->n_left_out++;
         return 0;
     }
-    if ((status = dataset_add_point(d, &point, &e)) || (status = add_common(d, cell, &e))) {
+    if ((status = fitset_add_point(d, &point, &e)) || (status = add_common(d, cell, &e))) {
         err_list_add(errors, &e);
     }
     return status;
 }
 
-int points_csv_read(const char *file, const char *text, size_t size, struct dataset *data,
+int points_csv_read(const char *file, const char *text, size_t size, struct fitset *data,
                     struct err_list *errors) {
     struct csv csv;
     struct layout layout;

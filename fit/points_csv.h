@@ -1,5 +1,5 @@
 /*
- * points_csv.h — radiance factors from a CSV file into a dataset.
+ * points_csv.h — radiance factors from a CSV file into a fitset.
  *
  * Columns    theta_i_deg,theta_v_deg, then either beta[,u_beta][,u_ind][,u_common_rel] (total; independent; one
  *            fully correlated scale), or by wavelength beta_550nm[,u_550nm],...: the visible mean is then that of
@@ -12,9 +12,9 @@
 #ifndef FIT_POINTS_CSV_H
 #define FIT_POINTS_CSV_H
 
-#include "fit/dataset.h"
+#include "fit/fitset.h"
 
-int points_csv_read(const char *file, const char *text, size_t size, struct dataset *data,
+int points_csv_read(const char *file, const char *text, size_t size, struct fitset *data,
                     struct err_list *errors);
 
 #endif

@@ -9,7 +9,7 @@
 #include "proto/units.h"
 
 struct reading {
-    struct dataset *data;
+    struct fitset *data;
     bool *mirrored; /* by exposure id */
     int64_t n_exposures;
     struct bracket *bracket; /* closed or open, in order of their rows; a later row of a number replaces it */
@@ -44,7 +44,7 @@ static int see_bracket(void *arg, const struct bracket *b) {
     r->bracket = larger;
     r->bracket[r->n_brackets++] = *b;
     double length_us = b->close_us > 0 ? (double)(b->close_us - b->open_us) : 0;
-    return dataset_add_bracket(r->data, length_us, b->mean_rate, r->e);
+    return fitset_add_bracket(r->data, length_us, b->mean_rate, r->e);
 }
 
 static int count_point(void *arg, const struct point *p) {
@@ -56,7 +56,7 @@ static int count_point(void *arg, const struct point *p) {
 static int add_to_bracket(struct reading *r, const struct point *p, size_t at) {
     for (size_t b = r->n_brackets; b > 0; b--) {
         if (r->bracket[b - 1].number == p->bracket) {
-            return dataset_add_to_bracket(r->data, b - 1, at, p->tau_us, p->tau_r_us, r->e);
+            return fitset_add_to_bracket(r->data, b - 1, at, p->tau_us, p->tau_r_us, r->e);
         }
     }
     return 0;
@@ -76,23 +76,23 @@ static int see_point(void *arg, const struct point *p) {
         bands[b] = p->present[b] ? p->beta[b] : NAN;
         bands_u[b] = p->present[b] ? p->u_ind[b] : NAN;
     }
-    struct dataset_point point = {.theta_i_deg = deg_from_udeg(p->theta_i_udeg),
-                                  .theta_v_deg = deg_from_udeg(p->theta_v_udeg),
-                                  .mirrored = p->exposure_id < r->n_exposures && r->mirrored[p->exposure_id],
-                                  .beta = p->mean,
-                                  .u_ind = p->mean_u_ind,
-                                  .bands = bands,
-                                  .bands_u = bands_u};
+    struct fitset_point point = {.theta_i_deg = deg_from_udeg(p->theta_i_udeg),
+                                 .theta_v_deg = deg_from_udeg(p->theta_v_udeg),
+                                 .mirrored = p->exposure_id < r->n_exposures && r->mirrored[p->exposure_id],
+                                 .beta = p->mean,
+                                 .u_ind = p->mean_u_ind,
+                                 .bands = bands,
+                                 .bands_u = bands_u};
     size_t at = r->data->n;
-    int status = dataset_add_point(r->data, &point, r->e);
+    int status = fitset_add_point(r->data, &point, r->e);
     for (int c = 0; c < p->n_common && !status; c++) {
         const struct point_common *cause = &p->common[c];
-        status = dataset_add_cause(r->data, cause->name, at, cause->mean, cause->sensitivity, r->e);
+        status = fitset_add_cause(r->data, cause->name, at, cause->mean, cause->sensitivity, r->e);
     }
     return status ? status : add_to_bracket(r, p, at);
 }
 
-static int read_settings(struct session *s, struct dataset *data, struct err *e) {
+static int read_settings(struct session *s, struct fitset *data, struct err *e) {
     char *text = NULL;
     int status = session_get_text(s, "fit_setup", &text, e);
     if (!status && text) {
@@ -118,7 +118,7 @@ static int read_all(struct session *s, struct reading *r) {
     return session_each_point(s, false, see_point, r, r->e);
 }
 
-int points_session_read(const char *path, struct dataset *data, struct err *e) {
+int points_session_read(const char *path, struct fitset *data, struct err *e) {
     struct session *s;
     struct reading r = {.data = data, .e = e};
     int status = session_open(&s, path, true, e);

@@ -1,5 +1,5 @@
 /*
- * points_session.h — the final points of a session file into a dataset, with their common parts and drift.
+ * points_session.h — the final points of a session file into a fitset, with their common parts and drift.
  *
  * Settings (model, mean_nm, axis uncertainties) from the session's text "fit_setup" where it is there. Provisional
  * points that no final one has replaced are used only where the session has no final point at all.
@@ -9,8 +9,8 @@
 #ifndef FIT_POINTS_SESSION_H
 #define FIT_POINTS_SESSION_H
 
-#include "fit/dataset.h"
+#include "fit/fitset.h"
 
-int points_session_read(const char *path, struct dataset *data, struct err *e);
+int points_session_read(const char *path, struct fitset *data, struct err *e);
 
 #endif

@@ -1,7 +1,7 @@
 /*
  * quality.h — how well a fit describes its points, and whether its parameters make physical sense.
  *
- * Checked    tests/unit/test_quality.c
+ * Checked    tests/unit/test_fit_parts.c
  */
 #ifndef FIT_QUALITY_H
 #define FIT_QUALITY_H

@@ -56,7 +56,7 @@ static int get_list(const json_t *object, const char *key, size_t n, const json_
 static int read_point(struct request *r, const json_t *json, size_t at, struct err *e) {
     double bands[BANDS], bands_u[BANDS];
     const json_t *band_list = json_object_get(json, "bands"), *u_list = json_object_get(json, "bands_u");
-    struct dataset_point point = {
+    struct fitset_point point = {
         .theta_i_deg = NAN, .theta_v_deg = NAN, .beta = NAN, .u_ind = NAN, .bands = NULL, .bands_u = NULL};
     bool provisional = false;
     int status;
@@ -86,7 +86,7 @@ static int read_point(struct request *r, const json_t *json, size_t at, struct e
     }
     r->data.input.any_provisional = r->data.input.any_provisional || provisional;
     r->index[at] = (int)r->data.n;
-    return dataset_add_point(&r->data, &point, e);
+    return fitset_add_point(&r->data, &point, e);
 }
 
 static int read_points(struct request *r, const json_t *list, struct err *e) {
@@ -105,7 +105,7 @@ static int read_points(struct request *r, const json_t *list, struct err *e) {
     return status;
 }
 
-/* The index'th member of a list of request points as an index into the dataset; -1 = left out. */
+/* The index'th member of a list of request points as an index into the fitset; -1 = left out. */
 static int member_of(const struct request *r, const json_t *points, size_t index, int *at, struct err *e) {
     json_int_t named = (json_int_t)index;
     if (points) {
@@ -145,7 +145,7 @@ static int read_cause(struct request *r, const json_t *json, struct err *e) {
         if (bands && (status = get_bands(json_array_get(bands, i), "bands", row, e))) {
             break;
         }
-        status = at < 0 ? 0 : dataset_add_cause(&r->data, name, (size_t)at, mean, bands ? row : NULL, e);
+        status = at < 0 ? 0 : fitset_add_cause(&r->data, name, (size_t)at, mean, bands ? row : NULL, e);
     }
     return status;
 }
@@ -163,7 +163,7 @@ static int read_bracket(struct request *r, const json_t *json, struct err *e) {
     if (!tau) {
         return refuse(e, "tau_us", "a list of numbers, one for each of bracket_points");
     }
-    status = dataset_add_bracket(&r->data, isnan(length_us) ? 0 : length_us, rate, e);
+    status = fitset_add_bracket(&r->data, isnan(length_us) ? 0 : length_us, rate, e);
     for (size_t i = 0; i < n && !status; i++) {
         double tau_us, tau_r_us = 0;
         int at = -1;
@@ -172,13 +172,13 @@ static int read_bracket(struct request *r, const json_t *json, struct err *e) {
             return refuse(e, "tau_us and tau_r_us", "lists of numbers");
         }
         if ((status = member_of(r, points, i, &at, e)) == 0 && at >= 0) {
-            status = dataset_add_to_bracket(&r->data, bracket, (size_t)at, tau_us, tau_r_us, e);
+            status = fitset_add_to_bracket(&r->data, bracket, (size_t)at, tau_us, tau_r_us, e);
         }
     }
     return status;
 }
 
-static int read_mean_nm(const json_t *json, struct dataset *data, struct err *e) {
+static int read_mean_nm(const json_t *json, struct fitset *data, struct err *e) {
     const json_t *list = json_object_get(json, "mean_nm");
     if (!list) {
         return 0;
@@ -191,7 +191,7 @@ static int read_mean_nm(const json_t *json, struct dataset *data, struct err *e)
     return 0;
 }
 
-static int read_model(const json_t *json, struct dataset *data, struct err *e) {
+static int read_model(const json_t *json, struct fitset *data, struct err *e) {
     const json_t *model = json_object_get(json, "model");
     enum reflectance_model found;
     if (!model) {
@@ -205,7 +205,7 @@ static int read_model(const json_t *json, struct dataset *data, struct err *e) {
     return status;
 }
 
-int request_read_settings(const json_t *json, struct dataset *data, struct err *e) {
+int request_read_settings(const json_t *json, struct fitset *data, struct err *e) {
     struct estimate_input *in = &data->input;
     struct {
         const char *key;
@@ -253,7 +253,7 @@ int request_read(const json_t *json, struct request *request, struct err *e) {
 }
 
 void request_free(struct request *request) {
-    dataset_free(&request->data);
+    fitset_free(&request->data);
     free(request->index);
     request->index = NULL;
 }

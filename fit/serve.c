@@ -20,7 +20,7 @@ static json_t *slopes_to_json(const struct request *r, const double *slope) {
 }
 
 static int add_slopes(json_t *reply, struct request *r, const struct estimate *estimate, struct err *e) {
-    const struct dataset *d = &r->data;
+    const struct fitset *d = &r->data;
     double *slope = calloc(2 * d->n + 1, sizeof *slope);
     if (!slope) {
         return err_set(e, ERR_NOMEM, "no memory for the slopes of %zu points", d->n);
@@ -39,9 +39,9 @@ static int add_slopes(json_t *reply, struct request *r, const struct estimate *e
 static int estimate_request(const json_t *json, json_t *reply, struct err *e) {
     struct request r = {0};
     struct estimate estimate;
-    dataset_init(&r.data);
+    fitset_init(&r.data);
     int status = request_read(json, &r, e);
-    if (!status && !(status = dataset_fit(&r.data, &estimate, e))) {
+    if (!status && !(status = fitset_fit(&r.data, &estimate, e))) {
         json_object_set_new(reply, "estimate", estimate_to_json(&estimate));
         if (r.final && estimate.converged) {
             status = add_slopes(reply, &r, &estimate, e);

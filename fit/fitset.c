@@ -1,4 +1,4 @@
-#include "fit/dataset.h"
+#include "fit/fitset.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -27,12 +27,12 @@ static size_t next_capacity(size_t capacity) {
     return capacity ? capacity * 2 : 16;
 }
 
-void dataset_init(struct dataset *d) {
-    *d = (struct dataset){
-        .input = {.kappa = 1, .mean_low_nm = 400, .mean_high_nm = 700, .model = "composite"}, .has_u = true};
+void fitset_init(struct fitset *d) {
+    *d = (struct fitset){.input = {.kappa = 1, .mean_low_nm = 400, .mean_high_nm = 700, .model = "composite"},
+                         .has_u = true};
 }
 
-void dataset_free(struct dataset *d) {
+void fitset_free(struct fitset *d) {
     for (size_t i = 0; i < d->n_causes; i++) {
         free(d->cause[i].point);
         free(d->cause[i].mean);
@@ -48,10 +48,10 @@ void dataset_free(struct dataset *d) {
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         free(all[i]);
     }
-    dataset_init(d);
+    fitset_init(d);
 }
 
-static int grow_points(struct dataset *d, struct err *e) {
+static int grow_points(struct fitset *d, struct err *e) {
     size_t capacity = next_capacity(d->capacity);
     if (d->n < d->capacity) {
         return 0;
@@ -76,7 +76,7 @@ static void copy_bands(double *to, const double *from) {
     }
 }
 
-int dataset_add_point(struct dataset *d, const struct dataset_point *point, struct err *e) {
+int fitset_add_point(struct fitset *d, const struct fitset_point *point, struct err *e) {
     int status = grow_points(d, e);
     if (status) {
         return status;
@@ -95,7 +95,7 @@ int dataset_add_point(struct dataset *d, const struct dataset_point *point, stru
     return 0;
 }
 
-static int find_cause(struct dataset *d, const char *name, struct dataset_cause **found, struct err *e) {
+static int find_cause(struct fitset *d, const char *name, struct fitset_cause **found, struct err *e) {
     for (size_t i = d->n_causes; i > 0; i--) { /* the newest first: most causes touch neighbours */
         if (strncmp(d->cause[i - 1].name, name, sizeof d->cause->name - 1) == 0) {
             *found = &d->cause[i - 1];
@@ -110,12 +110,12 @@ static int find_cause(struct dataset *d, const char *name, struct dataset_cause 
         d->cause_capacity = next_capacity(d->cause_capacity);
     }
     *found = &d->cause[d->n_causes++];
-    **found = (struct dataset_cause){0};
+    **found = (struct fitset_cause){0};
     snprintf((*found)->name, sizeof(*found)->name, "%s", name);
     return 0;
 }
 
-static int grow_cause(struct dataset_cause *c, bool with_bands, struct err *e) {
+static int grow_cause(struct fitset_cause *c, bool with_bands, struct err *e) {
     int status = 0;
     if (c->n == c->capacity) {
         size_t capacity = next_capacity(c->capacity);
@@ -138,9 +138,9 @@ static int grow_cause(struct dataset_cause *c, bool with_bands, struct err *e) {
     return 0;
 }
 
-int dataset_add_cause(struct dataset *d, const char *name, size_t point, double mean, const double *bands,
-                      struct err *e) {
-    struct dataset_cause *c;
+int fitset_add_cause(struct fitset *d, const char *name, size_t point, double mean, const double *bands,
+                     struct err *e) {
+    struct fitset_cause *c;
     int status = find_cause(d, name, &c, e);
     if (status || (status = grow_cause(c, bands != NULL, e))) {
         return status;
@@ -154,7 +154,7 @@ int dataset_add_cause(struct dataset *d, const char *name, size_t point, double 
     return 0;
 }
 
-int dataset_add_bracket(struct dataset *d, double length_us, double rate, struct err *e) {
+int fitset_add_bracket(struct fitset *d, double length_us, double rate, struct err *e) {
     if (d->n_brackets == d->bracket_capacity) {
         int status = reserve(&d->bracket, sizeof *d->bracket, next_capacity(d->bracket_capacity), e);
         if (status) {
@@ -162,13 +162,13 @@ int dataset_add_bracket(struct dataset *d, double length_us, double rate, struct
         }
         d->bracket_capacity = next_capacity(d->bracket_capacity);
     }
-    d->bracket[d->n_brackets++] = (struct dataset_bracket){.length_us = length_us, .rate = rate};
+    d->bracket[d->n_brackets++] = (struct fitset_bracket){.length_us = length_us, .rate = rate};
     return 0;
 }
 
-int dataset_add_to_bracket(struct dataset *d, size_t bracket, size_t point, double tau_us, double tau_r_us,
-                           struct err *e) {
-    struct dataset_bracket *b = &d->bracket[bracket];
+int fitset_add_to_bracket(struct fitset *d, size_t bracket, size_t point, double tau_us, double tau_r_us,
+                          struct err *e) {
+    struct fitset_bracket *b = &d->bracket[bracket];
     if (b->n == b->capacity) {
         size_t capacity = next_capacity(b->capacity);
         int status = reserve(&b->point, sizeof(int), capacity, e);
@@ -185,19 +185,19 @@ int dataset_add_to_bracket(struct dataset *d, size_t bracket, size_t point, doub
     return 0;
 }
 
-int dataset_input(struct dataset *d, const struct estimate_input **input, struct err *e) {
+int fitset_input(struct fitset *d, const struct estimate_input **input, struct err *e) {
     struct estimate_input *in = &d->input;
     int status = reserve(&d->common, sizeof *d->common, d->n_causes + 1, e);
     if (status || (status = reserve(&d->brackets, sizeof *d->brackets, d->n_brackets + 1, e))) {
         return status;
     }
     for (size_t i = 0; i < d->n_causes; i++) {
-        const struct dataset_cause *c = &d->cause[i];
+        const struct fitset_cause *c = &d->cause[i];
         d->common[i] = (struct estimate_common){
             .n = c->n, .point = c->point, .mean = c->mean, .bands = c->has_bands ? c->bands : NULL};
     }
     for (size_t i = 0; i < d->n_brackets; i++) {
-        const struct dataset_bracket *b = &d->bracket[i];
+        const struct fitset_bracket *b = &d->bracket[i];
         static const int none = 0; /* a bracket without points still has to say that it has none */
         d->brackets[i] = (struct estimate_bracket){.n = b->n,
                                                    .point = b->n ? b->point : &none,
@@ -222,10 +222,10 @@ int dataset_input(struct dataset *d, const struct estimate_input **input, struct
     return 0;
 }
 
-int dataset_fit(struct dataset *d, struct estimate *estimate, struct err *e) {
+int fitset_fit(struct fitset *d, struct estimate *estimate, struct err *e) {
     const struct estimate_input *input;
     *estimate = (struct estimate){0};
-    int status = dataset_input(d, &input, e);
+    int status = fitset_input(d, &input, e);
     if (status || (status = estimate_fit(input, estimate, e))) {
         return status;
     }

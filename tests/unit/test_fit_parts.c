@@ -1,0 +1,91 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <string.h>
+
+#include "fit/coordinates.h"
+#include "fit/drift.h"
+#include "fit/quality.h"
+
+static void coordinates_and_back(void **state) {
+    (void)state;
+    for (int model = 0; model < REFLECTANCE_MODELS; model++) {
+        double value[MATERIAL_PARAMETERS] = {0}, back[MATERIAL_PARAMETERS], x[COORDINATES_MAX];
+        const double all[] = {0.2, 0.3, 0.07, 7.6, 1.7};
+        for (int j = 0; j < reflectance_parameters((enum reflectance_model)model); j++) {
+            enum material_parameter p = reflectance_parameter((enum reflectance_model)model, j);
+            value[p] = all[p];
+        }
+        coordinates_from_value((enum reflectance_model)model, value, x);
+        coordinates_to_value((enum reflectance_model)model, x, back);
+        for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+            assert_float_equal(back[p], value[p], 1e-14);
+        }
+    }
+}
+
+static void chain_is_the_derivative(void **state) {
+    (void)state;
+    double value[MATERIAL_PARAMETERS] = {0.2, 0.3, 0.07, 7.6, 1.7}, x[COORDINATES_MAX], chain[25];
+    coordinates_from_value(REFLECTANCE_COMPOSITE, value, x);
+    coordinates_chain(REFLECTANCE_COMPOSITE, value, chain);
+    for (int j = 0; j < 5; j++) {
+        double up[MATERIAL_PARAMETERS], down[MATERIAL_PARAMETERS], step = 1e-6, x0 = x[j];
+        x[j] = x0 + step;
+        coordinates_to_value(REFLECTANCE_COMPOSITE, x, up);
+        x[j] = x0 - step;
+        coordinates_to_value(REFLECTANCE_COMPOSITE, x, down);
+        x[j] = x0;
+        for (int i = 0; i < 5; i++) {
+            assert_float_equal(chain[i * 5 + j], (up[i] - down[i]) / (2 * step), 1e-8);
+        }
+    }
+}
+
+/* A bridge has no variance at its ends and r T / 4 in the middle; an open bracket is a plain walk. */
+static void drift_is_a_bridge(void **state) {
+    (void)state;
+    const double tau[] = {0, 25e6, 50e6, 100e6}, own[] = {0, 25e6, 40e6, 100e6};
+    struct estimate_bracket b = {.n = 4, .tau_us = tau, .length_us = 100e6, .rate = 1e-6};
+    assert_true(drift_covariance(&b, 0, 2) == 0 && drift_covariance(&b, 3, 3) == 0);
+    assert_float_equal(drift_covariance(&b, 2, 2), 1e-6 * 100 / 4, 1e-18);
+    assert_float_equal(drift_covariance(&b, 1, 2), 1e-6 * 25 * 50 / 100, 1e-18);
+    assert_true(drift_covariance(&b, 1, 2) == drift_covariance(&b, 2, 1));
+    b.length_us = 0;
+    assert_float_equal(drift_covariance(&b, 1, 3), 1e-6 * 25, 1e-18);
+    b.length_us = 100e6;
+    b.tau_r_us = own; /* each divided by a reading of its own: read at once, nothing is left */
+    assert_float_equal(drift_covariance(&b, 1, 1), 0, 1e-20);
+    assert_float_equal(drift_covariance(&b, 2, 2), 1e-6 * 10 * 90 / 100, 1e-18); /* 10 s apart */
+    assert_float_equal(drift_covariance(&b, 1, 2), 0, 1e-20);
+}
+
+static void energy_and_limits_by_hand(void **state) {
+    (void)state;
+    /* reflection-model.md 1.3: w of the published sets (their small-angle form: within 5 %) */
+    assert_float_equal(quality_specular_energy(126, 0.05), 1.82, 0.02);
+    assert_float_equal(quality_specular_energy(7.6, 0.07), 0.215, 0.002);
+    assert_float_equal(quality_specular_energy(1.6, 0.08), 0.059, 0.001);
+    /* beta' pi / 4 * (4 / pi) * 1 for a lobe that is 1 everywhere: 4 beta' / pi * pi = 4 beta' */
+    assert_float_equal(quality_specular_energy(0.25, 1e6), 1, 1e-9);
+    /* chi-square tables, 99.9 %: 10 degrees 29.588, 100 degrees 149.449 */
+    assert_float_equal(quality_chi2_limit(10, 20), 29.588, 0.2);
+    assert_float_equal(quality_chi2_limit(100, 200), 149.449, 0.1);
+    assert_true(isnan(quality_negative_from_deg(0.6)));
+    double from_deg = quality_negative_from_deg(0.8);
+    assert_true(from_deg > 45 && from_deg < 90);
+    assert_true(quality_negative_from_deg(1) < from_deg);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(coordinates_and_back),
+        cmocka_unit_test(chain_is_the_derivative),
+        cmocka_unit_test(drift_is_a_bridge),
+        cmocka_unit_test(energy_and_limits_by_hand),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

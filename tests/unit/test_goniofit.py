@@ -1,0 +1,170 @@
+"""goniofit as a person meets it: help, eval against a formula of its own, fit of what eval printed, bad input."""
+import json
+import math
+import os
+import random
+import subprocess
+import tempfile
+from pathlib import Path
+
+GONIOFIT = Path(os.environ.get("BUILD", "build"), "goniofit")
+MATERIAL = {"S": 0.2, "sigma": 0.3, "gamma": 0.07, "beta_prime": 7.6, "n": 1.7, "kappa": 1, "q": 1.5}
+
+
+def run(*words, text=None):
+    done = subprocess.run([GONIOFIT, *map(str, words)], input=text, capture_output=True, text=True, timeout=60)
+    return done.returncode, done.stdout, done.stderr
+
+
+def formula(i_deg, v_deg, m):
+    """The printed equations, in plane."""
+    i, v = math.radians(i_deg), math.radians(v_deg)
+    alpha, beta, side = max(i, abs(v)), min(i, abs(v)), -1 if v > 0 else 1
+    s2 = m["sigma"] ** 2
+    c2 = 0.45 * s2 / (s2 + 0.09) * (math.sin(alpha) - ((2 * beta / math.pi) ** 3 if side < 0 else 0))
+    diffuse = m["S"] * (1 - 0.5 * s2 / (s2 + 0.33) + side * c2 * math.tan(beta))
+    inter = m["kappa"] * m["q"] * 0.17 * m["S"] ** 2 * s2 / (s2 + 0.13) * (1 - side * (2 * beta / math.pi) ** 2)
+    phi, tq = abs(i - v) / 2, abs(i + v) / 2
+    g = min(1, 2 * math.cos(phi) * min(math.cos(i), math.cos(v)) / math.cos(tq))
+    c = math.cos(tq)
+    root = math.sqrt(m["n"] ** 2 + c * c - 1)
+    f = 0.5 * ((root - c) / (root + c)) ** 2 * (1 + ((c * (root + c) - 1) / (c * (root - c) + 1)) ** 2)
+    d = math.exp(-math.log(2) * (phi / m["gamma"]) ** 2)
+    return diffuse + inter + m["beta_prime"] * d * g * f / (math.cos(i) * math.cos(v))
+
+
+def rows_of(text):
+    head, *lines = text.strip().splitlines()
+    names = head.split(",")
+    return [dict(zip(names, map(float, line.split(",")))) for line in lines]
+
+
+def grid(folder):
+    path = folder / "g.csv"
+    path.write_text("theta_i_deg,note,theta_v_deg\n" + "".join(
+        f"{i},x,{v}\n" for i in range(10, 61, 10) for v in range(-80, 81, 5)))
+    return path
+
+
+def evaluated(folder, material=None):
+    params = folder / "p.json"
+    params.write_text(json.dumps(material or MATERIAL))
+    code, out, err = run("eval", "--params", params, "--points", grid(folder))
+    assert code == 0, err
+    return rows_of(out)
+
+
+def test_eval_agrees_with_the_printed_equations(folder):
+    rows = evaluated(folder)
+    assert len(rows) == 198
+    for row in rows:
+        expected = formula(row["theta_i_deg"], row["theta_v_deg"], MATERIAL)
+        assert abs(row["beta"] - expected) < 1e-12 * max(1, expected), row
+        parts = row["diffuse"] + row["interreflection"] + row["specular"]
+        assert abs(row["beta"] - parts) < 1e-13 * max(1, parts)
+    step = dict(MATERIAL, gamma=0.07 + 1e-6)
+    for row, moved in zip(rows, evaluated(folder, step)):
+        assert abs((moved["beta"] - row["beta"]) / 1e-6 - row["d_gamma"]) < 1e-2 + 1e-3 * abs(row["d_gamma"])
+    assert list(evaluated(folder, {"S": 0.5})[0]) == ["theta_i_deg", "theta_v_deg", "beta", "diffuse",
+                                                     "interreflection", "specular", "d_S"]
+
+
+def measured(folder, name="d.csv", noise=0.003):
+    dice = random.Random(4)
+    path = folder / name
+    with open(path, "w") as f:
+        f.write("theta_i_deg,theta_v_deg,beta,u_ind\n")
+        for row in evaluated(folder, dict(MATERIAL, q=1)):
+            u = noise * row["beta"] + 1e-4
+            f.write(f"{row['theta_i_deg']},{row['theta_v_deg']},{row['beta'] + dice.gauss(0, u):.9g},{u:.4g}\n")
+    return path
+
+
+def test_fit_finds_what_eval_was_given(folder):
+    path = measured(folder)
+    code, out, err = run("fit", path, "--json")
+    assert code == 0, err
+    fit = json.loads(out)
+    for name in ("S", "sigma", "gamma", "beta_prime", "n"):
+        assert abs(fit["parameters"][name] - MATERIAL[name]) < 4.5 * fit["std"][name], name
+    for key in ("model", "n_points", "converged", "std_statistical", "std_common", "correlation", "chi2", "bic", "r2",
+                "median_relative_error", "specular_energy", "at_bound", "warnings", "not_identifiable", "trace",
+                "solver"):
+        assert key in fit, key
+    assert fit["trace"][0]["cost"] >= fit["trace"][-1]["cost"] > 0
+    (folder / "fit.json").write_text(out)
+    code, out, err = run("eval", "--params", folder / "fit.json", "--points", grid(folder))
+    assert code == 0 and len(rows_of(out)) == 198, err
+    code, out, err = run("fit", path)
+    assert code == 0 and "beta_prime" in out and "chi-square" in out
+
+
+def test_models_are_ranked(folder):
+    path = measured(folder)
+    code, out, err = run("fit", path, "--model", "all", "--json")
+    fits = json.loads(out)
+    assert code == 0 and fits[0]["model"] == "composite", err
+    assert sorted(f["model"] for f in fits) == ["composite", "eq1", "lambert", "oren-nayar"]
+    bics = [f["bic"] for f in fits]
+    assert bics == sorted(bics)
+    assert any("does not fit" in w for w in fits[-1]["warnings"])
+
+
+def test_paper_convention_is_a_refit(folder):
+    code, out, err = run("fit", measured(folder), "--paper-convention", "--weights", "none", "--json")
+    fit = json.loads(out)
+    assert code == 0, err
+    assert fit["parameters"]["kappa"] == math.pi and fit["parameters"]["q"] == 1
+    assert abs(fit["S_paper"] - math.pi * fit["parameters"]["S"]) < 1e-15
+    assert abs(fit["parameters"]["S"] - 0.2) > 0.002  # not a renaming
+
+
+def test_bad_input_has_its_place(folder):
+    bad = folder / "bad.csv"
+    bad.write_text("theta_i_deg,theta_v_deg,beta\n10,0,0.5\n10,zero,0.5\n")
+    code, out, err = run("fit", bad)
+    assert code == 2 and f"{bad}:3:4: " in err and out == ""
+    few = folder / "few.csv"
+    few.write_text("theta_i_deg,theta_v_deg,beta,u_ind\n10,0,0.5,0.01\n20,0,0.5,0.01\n")
+    code, out, err = run("fit", few)
+    assert code == 1 and "needs at least 7" in err
+    broken = folder / "p.json"
+    for text, word in (("{", "p.json:1:"), ('{"S": "white"}', "S"), ('{"sigma": 1}', "S")):
+        broken.write_text(text)
+        code, out, err = run("eval", "--params", broken, "--points", grid(folder))
+        assert code == 2 and word in err and out == "", (text, err)
+    broken.write_text('{"S": 0.5}')
+    bad.write_text("theta_i_deg,theta_v_deg\n10,0\n90,0\n")
+    code, out, err = run("eval", "--params", broken, "--points", bad)
+    assert code == 2 and f"{bad}:3:1: " in err and out == ""
+    noise = folder / "noise.csv"
+    noise.write_bytes(random.Random(1).randbytes(100000))
+    for words in (("fit", noise), ("fit", folder), ("fit", folder / "absent"), ("fit",), ("fit", few, "--model", "x"),
+                  ("fit", few, "--weights", "x"), ("fit", few, "--what"), ("eval",), ("nonsense",), ()):
+        code, out, err = run(*words)
+        assert code == 2 and len(err) > 10 and out == "", words
+
+
+def test_help_and_version(folder):
+    for words in (("--help",), ("fit", "--help"), ("eval", "--help")):
+        code, out, err = run(*words)
+        assert code == 0 and "exit status" in out and err == ""
+    code, out, err = run("--version")
+    assert code == 0 and out.startswith("goniofit ")
+    assert run("--serve", text="")[0] == 0
+
+
+def main():
+    tests = [(name, f) for name, f in globals().items() if name.startswith("test_")]
+    print(f"1..{len(tests)}")
+    for number, (name, test) in enumerate(tests, 1):
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                test(Path(folder))
+            print(f"ok {number} {name}")
+        except Exception as e:
+            print(f"not ok {number} {name}\n# {type(e).__name__}: {e}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
