@@ -30,6 +30,11 @@ static bool read_endpoints(struct sim_process *p, int in) {
     json_t *endpoints = fgets(line, sizeof line, f) ? json_loads(line, 0, NULL) : NULL;
     const char *target = json_string_value(json_object_get(endpoints, "spectrometer"));
     snprintf(p->spectrometer, sizeof p->spectrometer, "%s", target ? target : "");
+    json_t *buses = json_object_get(endpoints, "modbus");
+    for (size_t i = 0; i < 2; i++) {
+        const char *bus = json_string_value(json_array_get(buses, i));
+        snprintf(p->modbus[i], sizeof p->modbus[i], "%s", bus ? bus : "");
+    }
     json_decref(endpoints);
     fclose(f);
     return p->spectrometer[0] != '\0';

@@ -1,8 +1,7 @@
 /*
  * sim_process.h — goniosim in a process of its own, for tests over real wires.
  *
- * The program is taken from $BUILD (default build). What it prints of its endpoints is parsed; only the
- * spectrometer's is kept.
+ * The program is taken from $BUILD (default build). What it prints of its endpoints is parsed and kept.
  */
 #ifndef TESTS_SUPPORT_SIM_PROCESS_H
 #define TESTS_SUPPORT_SIM_PROCESS_H
@@ -13,6 +12,7 @@
 struct sim_process {
     pid_t pid; /* 0: not running */
     char spectrometer[160];
+    char modbus[2][96]; /* in the order of the config; "" = no such bus */
 };
 
 bool sim_process_start(struct sim_process *p, const char *yaml);
