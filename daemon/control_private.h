@@ -6,7 +6,6 @@
 
 #include <pthread.h>
 #include <jansson.h>
-#include <uv.h>
 
 #include "daemon/control.h"
 #include "daemon/control_client.h"

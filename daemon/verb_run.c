@@ -9,6 +9,7 @@
 #include "daemon/verb_live.h"
 
 #define PLAN_MS 120000
+#define ANSWER_MS 10000
 #define LOOK_MS 250 /* between two looks at the status */
 #define BAR 28
 
@@ -111,30 +112,45 @@ static int report_end(const json_t *job) {
 }
 
 /* Looks at the status until the job has ended. Ctrl-C detaches; the campaign goes on. */
-static int wait_for(const struct verb_args *args, json_int_t number) {
+static int wait_for(struct rpc_client *client, json_int_t number) {
     bool bar = isatty(STDERR_FILENO);
     char told[256] = "";
     for (;;) {
         struct err e = {0};
-        json_t *status = NULL;
-        if (live_call(args, "status", NULL, 10000, &status, NULL, &e) != 0 && !interrupted)
+        json_t *status = NULL, *event = NULL;
+        if (rpc_call(client, "status", NULL, ANSWER_MS, &status, NULL, &e) != 0 && !interrupted)
             return verb_fail(&e, NULL);
         const json_t *end = ended(status, number);
         if (bar && !interrupted)
             draw(status);
         say_hold(status, told, sizeof told);
-        if (end || interrupted) {
-            if (bar)
-                fprintf(stderr, "\r\033[K");
-            int rc = end ? report_end(end) : 0;
-            if (!end)
-                fprintf(stderr, "detached; the campaign goes on. See: gonioctl status\n");
-            json_decref(status);
-            return rc;
-        }
+        if (bar && (end || interrupted))
+            fprintf(stderr, "\r\033[K");
+        int rc = end ? report_end(end) : 0;
         json_decref(status);
-        usleep(LOOK_MS * 1000);
+        if (end || interrupted)
+            return rc;
+        /* This connection watches nothing, so only time passes here, or goniod goes away. */
+        rpc_next_event(client, LOOK_MS, &event, &e);
+        json_decref(event);
     }
+}
+
+static int wait_for_all(const struct verb_args *args, const json_int_t *number, int n) {
+    struct err e = {0};
+    struct rpc_client *client;
+    int worst = 0;
+    if (rpc_connect(&client, args->socket, &e) != 0)
+        return verb_fail(&e, NULL);
+    signal(SIGINT, on_interrupt);
+    for (int i = 0; i < n && !interrupted; i++) {
+        int status = wait_for(client, number[i]);
+        worst = status > worst ? status : worst;
+    }
+    if (interrupted)
+        fprintf(stderr, "detached; the campaign goes on. See: gonioctl status\n");
+    rpc_close(client);
+    return worst;
 }
 
 int verb_run(int argc, char **argv) {
@@ -157,13 +173,5 @@ int verb_run(int argc, char **argv) {
             fprintf(stderr, "job %lld: %s\n", (long long)number[i], args.operand[i]);
         json_decref(result);
     }
-    if (!args.option[0])
-        return 0;
-    signal(SIGINT, on_interrupt);
-    int worst = 0;
-    for (int i = 0; i < args.n_operands && !interrupted; i++) {
-        int status = wait_for(&args, number[i]);
-        worst = status > worst ? status : worst;
-    }
-    return worst;
+    return args.option[0] ? wait_for_all(&args, number, args.n_operands) : 0;
 }
