@@ -134,7 +134,7 @@ install: all
 demo:
 	@.ci/deps build demo
 	@$(MAKE) --no-print-directory -j$(JOBS) all
-	@bash docs/examples/demo.sh $(BUILD)
+	@bash docs/examples/demo/run.sh $(BUILD)
 
 clean:
 	rm -rf $(BUILD)
