@@ -105,8 +105,8 @@ fuzz:
 	    SANITIZE="-fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all" fuzzers
 	@.ci/fuzz $(FUZZ_S) $(or $(FUZZ),$(FUZZERS))
 
-# Without libfit: a target that needed Ceres would measure Ceres.
-FUZZ_ARCHIVES := $(BUILD)/libdaemon.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
+# Without Ceres (of libfit only the readers are linked): a target that needed it would measure Ceres.
+FUZZ_ARCHIVES := $(BUILD)/libdaemon.a $(BUILD)/libfit.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
 fuzzers: $(FUZZERS:%=$(BUILD)/tests/fuzz/fuzz_%)
 $(BUILD)/tests/fuzz/fuzz_%: $(BUILD)/tests/fuzz/fuzz_%.o $(FUZZ_ARCHIVES)
 	@echo "  LD  $@"

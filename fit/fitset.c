@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/words.h"
-
 static int no_memory(struct err *e) {
     return err_set(e, ERR_NOMEM, "no memory for the points of a fit");
 }
@@ -219,22 +217,5 @@ int fitset_input(struct fitset *d, const struct estimate_input **input, struct e
     in->n_bracket = d->n_brackets;
     in->bracket = d->brackets;
     *input = in;
-    return 0;
-}
-
-int fitset_fit(struct fitset *d, struct estimate *estimate, struct err *e) {
-    const struct estimate_input *input;
-    *estimate = (struct estimate){0};
-    int status = fitset_input(d, &input, e);
-    if (status || (status = estimate_fit(input, estimate, e))) {
-        return status;
-    }
-    if (d->n_left_out > 0) {
-        words_warn(estimate, "%zu points have no visible mean (a band of it is missing) and were left out",
-                   d->n_left_out);
-    }
-    if (d->independence_assumed) {
-        words_warn(estimate, "only a total uncertainty was given: independence of the points was assumed");
-    }
     return 0;
 }

@@ -243,9 +243,9 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
         p->angle_u2[i] = by_source * by_source + by_sample * by_sample;
         double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
         double seen = in->beta[i], fitted = p->model_beta[i];
-        /* Within a factor 4: beyond that the model misses the point, and the noise there is as it was seen.
-         */
-        double carry = fmin(fmax((a + c * fitted * fitted) / (a + c * seen * seen), 0.25), 4);
+        /* A deviation of many u is not noise: the model misses the point, and its noise is as it was seen. */
+        bool missed = fabs(fitted - seen) > 4 * u;
+        double carry = missed ? 1 : (a + c * fitted * fitted) / (a + c * seen * seen);
         set_weight(p, i, u * u * carry + p->angle_u2[i]);
     }
     return 0;

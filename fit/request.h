@@ -2,7 +2,7 @@
  * request.h — a request of fit/serve.h from JSON into a fitset.
  *
  * Errors     -ERR_INPUT naming the key and what it must be; -ERR_NOMEM.
- * Checked    tests/unit/test_serve.c
+ * Checked    tests/unit/test_serve.c, tests/fuzz/fuzz_request.c
  */
 #ifndef FIT_REQUEST_H
 #define FIT_REQUEST_H
