@@ -222,6 +222,20 @@ static int check_version(struct session *s, struct err *e) {
     return 0;
 }
 
+/* A session that was cut off, read by someone who may not write beside it. */
+static int name_unreadable(const struct session *s, int rc, struct err *e) {
+    char log[PATH_MAX];
+    snprintf(log, sizeof log, "%s-wal", s->path);
+    if (rc != -ERR_IO || !s->read_only || access(log, F_OK) < 0)
+        return rc;
+    err_clear(e);
+    return err_set(
+        e, ERR_PERMISSION,
+        "%s: was cut off while it was written, and you may not put its log right; run gonioctl verify once "
+        "as the user that runs goniod",
+        s->path);
+}
+
 int session_open(struct session **out, const char *path, bool read_only, struct err *e) {
     struct session *s = NULL;
     bool locked = false;
@@ -239,7 +253,7 @@ int session_open(struct session **out, const char *path, bool read_only, struct 
     if (rc == 0)
         rc = store_open(&s->store, path, read_only, e);
     if (rc == 0)
-        rc = check_version(s, e);
+        rc = name_unreadable(s, check_version(s, e), e);
     if (rc == 0 && !read_only)
         rc = begin_writing(s, e);
     if (rc < 0) {

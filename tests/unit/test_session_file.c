@@ -352,6 +352,44 @@ static void damage_inside_is_found(void **state) {
     err_list_free(&found);
 }
 
+#define NOBODY 65534
+
+/* Root may read everything, so the reader is nobody. */
+static int read_as_nobody(void) {
+    struct session *s;
+    struct err e = {0};
+    if (geteuid() == 0 && setuid(NOBODY) < 0)
+        return 3;
+    int rc = session_open(&s, path, true, &e);
+    if (rc == 0)
+        return 2;
+    return rc == -ERR_PERMISSION && strstr(e.text, "cut off") ? 0 : 1;
+}
+
+static void a_cut_off_session_without_rights_says_so(void **state) {
+    (void)state;
+    char shared[120];
+    pid_t child = fork();
+    if (child == 0) {
+        fill(3);
+        _exit(0); /* without closing: the log stays */
+    }
+    int status;
+    waitpid(child, &status, 0);
+    snprintf(shared, sizeof shared, "%s-shm", path);
+    assert_int_equal(unlink(shared), 0);
+    chmod(folder, 0555);
+    child = fork();
+    if (child == 0)
+        _exit(read_as_nobody());
+    waitpid(child, &status, 0);
+    chmod(folder, 0755);
+    assert_int_equal(WEXITSTATUS(status), 0);
+    struct session *s;
+    ROW_OK(session_open(&s, path, false, e));
+    ROW_OK(session_close(s, e));
+}
+
 static void a_reader_does_not_stop_the_close(void **state) {
     (void)state;
     struct session *s = fill(3), *reader;
@@ -384,6 +422,7 @@ int main(void) {
         TEST(a_copy_of_a_live_session_is_whole),
         TEST(verify_finds_what_was_tampered_with),
         TEST(damage_inside_is_found),
+        TEST(a_cut_off_session_without_rights_says_so),
         TEST(a_reader_does_not_stop_the_close),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
