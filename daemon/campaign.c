@@ -207,6 +207,8 @@ int campaign_new(struct campaign **campaign, const struct campaign_setup *setup,
     c->clock = setup->bench->clock;
     c->step = c->mounted = -1;
     c->lamp_since_us = INT64_MIN;
+    c->lamp = c->commission_axis = -1;
+    c->last_temperature_c = NAN;
     int result =
         instruments_load(&c->instruments, c->bench, setup->config, setup->wiring, setup->state_dir, errors);
     c->instruments.seen = campaign_seen_exchange;
@@ -242,6 +244,8 @@ void campaign_free(struct campaign *c) {
     bench_remove(c->bench, c);
     bench_remove(c->bench, &c->set);
     bench_remove(c->bench, &c->published_us);
+    for (int i = 0; i < c->n_ended; i++)
+        json_decref(c->ended[i]);
     free(c->set.counts);
     free(c);
 }

@@ -56,8 +56,23 @@ static void close_sessions(struct campaign *c, enum campaign_state state) {
         c->measured[i].used = false;
 }
 
+/* A drive that lost its position meanwhile (an alarm revokes it) is not trusted by the next goniod either. */
+static void record_positions(struct campaign *c) {
+    for (int a = 0; a < STAGE_AXES; a++) {
+        const struct axis *axis = c->instruments.stage.axis[a];
+        struct axis_status s;
+        struct err e = {0};
+        if (!axis || axis_config(axis)->kind != AXIS_MOTOR)
+            continue;
+        axis_status(axis, &s);
+        if (s.read_us != INT64_MIN && instruments_record_drive(&c->instruments, a, s.valid, false, &e) < 0)
+            campaign_warn(c, "%s", e.text);
+    }
+}
+
 void campaign_end(struct campaign *c, int result, const struct err *why) {
     enum campaign_state end = CAMPAIGN_DONE;
+    json_t *sessions = campaign_session_names(c);
     atomic_store(&c->cancel.raised, false);
     if (campaign_must_end(c)) {
         end = c->want.interrupt ? CAMPAIGN_INTERRUPTED : CAMPAIGN_ABORTED;
@@ -70,13 +85,12 @@ void campaign_end(struct campaign *c, int result, const struct err *why) {
     }
     if (end != CAMPAIGN_DONE)
         make_safe(c);
+    record_positions(c);
     close_sessions(c, end);
     if (end == CAMPAIGN_DONE && c->failure.code)
         end = CAMPAIGN_FAILED;
     c->queue_waits = end != CAMPAIGN_DONE && c->n_queue > 0;
     estimator_forgive(c->estimator);
+    campaign_job_ended(c, end, sessions);
     campaign_set_state(c, end);
-    campaign_event(c, "end", false,
-                   json_pack("{s:i, s:s, s:s}", "job", c->current->number, "state", campaign_state_name(end),
-                             "why", c->failure.text));
 }

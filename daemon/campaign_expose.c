@@ -159,6 +159,8 @@ static int fill_set(struct campaign *c, int k, const struct set *head, const str
     fill_times(c, x, at, n);
     if (head->dark || s->control)
         spectrometer_temperature(c->instruments.spectrometer, &x->temperature_c, NULL);
+    if (isfinite(x->temperature_c))
+        c->last_temperature_c = x->temperature_c;
     int result = copy_counts(c, n, e);
     x->counts = c->set.counts;
     return result;
@@ -234,7 +236,7 @@ static int take_set(struct campaign *c, int k, const struct set *head, int expos
     if (result == 0)
         result = campaign_store_room(c, e);
     if (result == 0)
-        result = scan(c, exposure_us, n, at.settled_us, e);
+        result = scan(c, exposure_us, n, at.settled_us + 1, e); /* strictly after: design 4.1 */
     if (result == 0)
         result = check_still(c, &at, e);
     if (result == 0)

@@ -121,8 +121,25 @@ static int turn_by_hand(struct campaign *c, enum stage_axis which, int32_t targe
     int result = campaign_hold(c, text, true, 0, e);
     if (result == 0)
         result = axis_begin_move(axis, target_udeg, e);
-    if (result == 0)
-        axis_confirm(axis, target_udeg);
+    if (result < 0)
+        return result;
+    axis_confirm(axis, target_udeg);
+    const struct wiring *w = c->setup.wiring;
+    return w->turned ? w->turned(w->self, stage_axis_name(which), deg_from_udeg(target_udeg), e) : 0;
+}
+
+static const char *position_of(const struct campaign *c, const struct step *s) {
+    if (s->kind == STEP_SAMPLE)
+        return c->job->sample[s->sample].holder;
+    return s->kind == STEP_REFERENCE ? c->job->reference.holder : "trap";
+}
+
+/* The person has done what the holds asked for: a simulated bench does it now. */
+static int done_by_hand(struct campaign *c, const struct step *s, struct err *e) {
+    const struct wiring *w = c->setup.wiring;
+    int result = s->kind == STEP_SAMPLE && w->mount ? w->mount(w->self, &c->job->sample[s->sample], e) : 0;
+    if (result == 0 && w->in_beam && c->setup.config->holder.kind != CONFIG_AXIS_MOTOR)
+        result = w->in_beam(w->self, position_of(c, s), e);
     return result;
 }
 
@@ -134,7 +151,5 @@ int campaign_hold_for_step(struct campaign *c, int k, struct err *e) {
         if (s->target.used[a] && axis && axis_config(axis)->kind == AXIS_MANUAL)
             result = turn_by_hand(c, a, s->target.udeg[a], e);
     }
-    if (result == 0 && s->kind == STEP_SAMPLE)
-        result = campaign_mount(c, s->sample, e);
-    return result;
+    return result == 0 ? done_by_hand(c, s, e) : result;
 }

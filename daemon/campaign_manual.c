@@ -1,4 +1,4 @@
-/* Work by hand between campaigns: where, home, move, spectrum, devices. One order at a time; `stop` ends it. */
+/* Work by hand between campaigns: where, home, move, spectrum, devices, commission. One order at a time; `stop` ends it. */
 #include "daemon/campaign_private.h"
 
 #include <string.h>
@@ -186,6 +186,42 @@ static int devices(struct campaign *c, json_t **out, struct err *e) {
     return 0;
 }
 
+/* ---- commissioning ---- */
+
+/* What a person and the drive have agreed on is recorded for this unit and this text of its profile. */
+static int record_commissioned(struct campaign *c, int which, struct err *e) {
+    const struct commission *k = &c->commission;
+    if (k->position_confirmed)
+        axis_declare_valid(c->instruments.stage.axis[which]);
+    return instruments_record_drive(&c->instruments, which, k->position_confirmed, true, e);
+}
+
+static int commission(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
+    struct commission *k = &c->commission;
+    int which;
+    int result = open_axis(c, m->axis, &which, e);
+    if (result == 0)
+        result = await_answer(c, which, e);
+    if (result == 0 && axis_config(c->instruments.stage.axis[which])->kind != AXIS_MOTOR)
+        result = err_set(e, ERR_USAGE, "the %s axis has no motor: there is nothing to commission", m->axis);
+    if (result < 0)
+        return result;
+    if (!*m->answer || which != c->commission_axis)
+        commission_begin(k, c->instruments.stage.axis[which], c->bench);
+    c->commission_axis = which;
+    result = commission_answer(k, m->answer, &c->cancel, e);
+    if (result == 0 && k->over && k->passed)
+        result = record_commissioned(c, which, e);
+    if (result < 0)
+        return result;
+    *out = json_pack("{s:s, s:b, s:b}", "text", k->text, "done", k->over, "passed", k->passed);
+    if (!k->over)
+        json_object_set_new(*out, "question", json_string(k->question));
+    else
+        c->commission_axis = -1;
+    return 0;
+}
+
 /* ---- one order ---- */
 
 static int execute(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
@@ -200,6 +236,8 @@ static int execute(struct campaign *c, const struct desk_manual *m, json_t **out
         return move(c, m, out, e);
     case MANUAL_SPECTRUM:
         return spectrum(c, m, out, e);
+    case MANUAL_COMMISSION:
+        return commission(c, m, out, e);
     default:
         return err_set(e, ERR_USAGE, "this order is not known");
     }

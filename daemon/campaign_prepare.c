@@ -219,11 +219,6 @@ static int home_where_needed(struct campaign *c, struct err *e) {
     return 0;
 }
 
-int campaign_mount(struct campaign *c, int sample, struct err *e) {
-    const struct wiring *w = c->setup.wiring;
-    return w->mount ? w->mount(w->self, &c->job->sample[sample], e) : 0;
-}
-
 int campaign_prepare(struct campaign *c, struct err *e) {
     int result = instruments_check_commissioned(&c->instruments, c->plan->uses, e);
     if (result == 0)

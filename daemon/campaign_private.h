@@ -19,9 +19,11 @@
 #include "daemon/estimator.h"
 #include "daemon/reduce.h"
 #include "daemon/writer.h"
+#include "drivers/commission.h"
 #include "proto/units.h"
 
 #define CAMPAIGN_QUEUE 32
+#define CAMPAIGN_ENDED 16   /* jobs whose end is remembered */
 #define CAMPAIGN_DARKS 24   /* more than the ladder of exposures has rungs */
 #define CAMPAIGN_REPEATS 3  /* of a step that failed for a passing reason, before the campaign holds */
 #define CAMPAIGN_RETRY_S 10 /* a hold on a condition tries again this often */
@@ -101,9 +103,13 @@ struct campaign {
 
     struct campaign_job *queue[CAMPAIGN_QUEUE];
     int n_queue, last_number;
+    json_t *ended[CAMPAIGN_ENDED];
+    int n_ended;
     bool queue_waits; /* after an abort or a failure, until a person says continue */
     struct desk_order manual;
     bool manual_pending;
+    struct commission commission;
+    int commission_axis; /* whose commissioning is under way, -1 = none */
 
     struct campaign_job *current;
     struct job *job;
@@ -124,7 +130,7 @@ struct campaign {
     struct light light[SURFACES];
     struct dark dark[CAMPAIGN_DARKS];
     int n_darks;
-    double last_peak;
+    double last_peak, last_temperature_c;
     int last_exposure_us;
     int64_t last_set_us;
     bool spectrometer_suspect; /* its last call failed: it is opened again */
@@ -171,8 +177,6 @@ int campaign_prepare(struct campaign *c, struct err *e);
 int campaign_ready_spectrometer(struct campaign *c, struct err *e);
 int campaign_warm_up(struct campaign *c, struct err *e);
 void campaign_reduce_setup(const struct campaign *c, struct reduce_setup *setup);
-/* The person has put this sample where the job says; the simulated bench does it now. */
-int campaign_mount(struct campaign *c, int sample, struct err *e);
 
 /* campaign_bracket.c */
 int campaign_next_step(struct campaign *c); /* the first that is not done, -1 = none */
@@ -232,13 +236,14 @@ void campaign_publish(struct campaign *c);
 void campaign_event(struct campaign *c, const char *kind, bool coalesce, json_t *json); /* takes json over */
 void campaign_warn(struct campaign *c, const char *format, ...) __attribute__((format(printf, 2, 3)));
 json_t *campaign_stage_json(const struct campaign *c);
+json_t *campaign_session_names(const struct campaign *c);
+void campaign_job_ended(struct campaign *c, enum campaign_state state, json_t *sessions);
 
 /* campaign_notify.c */
 void campaign_notify(struct campaign *c, const char *kind, const json_t *json);
 void campaign_notify_reap(void);
 
-/* campaign_manual.c, campaign_commission.c */
+/* campaign_manual.c */
 void campaign_manual(struct campaign *c);
-int campaign_commission(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e);
 
 #endif

@@ -3,6 +3,7 @@
 #include "daemon/campaign_private.h"
 
 #include <stdarg.h>
+#include <string.h>
 
 #define SNAPSHOT_REAL_US (250 * US_PER_MS)
 #define SNAPSHOT_VIRTUAL_US (5 * US_PER_S) /* a few milliseconds of a person's time */
@@ -24,10 +25,11 @@ static const char *phase_name(enum axis_phase phase) {
 static json_t *axis_json(const struct axis *axis) {
     struct axis_status s;
     axis_status(axis, &s);
-    return json_pack("{s:f, s:f, s:s, s:o, s:b, s:b, s:b, s:i, s:s}", "deg", deg_from_udeg(s.position_udeg),
-                     "target_deg", deg_from_udeg(s.target_udeg), "phase", phase_name(s.phase), "read_us",
-                     stamp(s.read_us), "valid", s.valid, "connected", s.connected, "stop_confirmed",
-                     s.stop_confirmed, "alarm", s.alarm, "alarm_text", s.alarm_text);
+    return json_pack("{s:f, s:f, s:s, s:o, s:b, s:b, s:b, s:i, s:s}", "position_deg",
+                     deg_from_udeg(s.position_udeg), "target_deg", deg_from_udeg(s.target_udeg), "phase",
+                     phase_name(s.phase), "read_us", stamp(s.read_us), "valid", s.valid, "connected",
+                     s.connected, "stop_confirmed", s.stop_confirmed, "alarm", s.alarm, "alarm_text",
+                     s.alarm_text);
 }
 
 json_t *campaign_stage_json(const struct campaign *c) {
@@ -40,49 +42,56 @@ json_t *campaign_stage_json(const struct campaign *c) {
 
 static json_t *sessions_json(const struct campaign *c) {
     json_t *all = json_array();
-    for (int i = 0; i < JOB_SAMPLES && c->job; i++) {
-        const struct measured *m = &c->measured[i];
-        if (!m->used)
-            continue;
-        json_t *one = json_pack("{s:s, s:s, s:i, s:i}", "name", m->name, "sample", c->job->sample[i].name,
-                                "points", m->n_points, "provisional", m->n_provisional);
-        if (m->has_estimate)
-            json_object_set_new(one, "estimate", estimate_to_json(&m->estimate));
-        json_array_append_new(all, one);
-    }
+    for (int i = 0; i < JOB_SAMPLES; i++)
+        if (c->measured[i].used)
+            json_array_append_new(all, json_string(c->measured[i].name));
     return all;
 }
 
-/* What is left is the plan's estimate, stretched by how it has fared so far. */
-static json_t *progress_json(const struct campaign *c) {
-    if (!c->plan || !c->done)
+static json_t *estimates_json(const struct campaign *c) {
+    json_t *all = json_array();
+    for (int i = 0; i < JOB_SAMPLES; i++)
+        if (c->measured[i].used && c->measured[i].has_estimate)
+            json_array_append_new(all, json_pack("{s:s, s:o}", "session", c->measured[i].name, "estimate",
+                                                 estimate_to_json(&c->measured[i].estimate)));
+    return all;
+}
+
+static json_t *points_json(const struct campaign *c) {
+    int done = 0, provisional = 0;
+    if (!c->plan)
         return json_null();
-    double total = fmax((double)c->plan->estimate_us, 1);
-    double done = (double)c->estimate_done_us;
+    for (int i = 0; i < JOB_SAMPLES; i++) {
+        done += c->measured[i].n_points;
+        provisional += c->measured[i].n_provisional;
+    }
+    return json_pack("{s:i, s:i, s:i}", "done", done, "total", c->plan->n_points, "provisional", provisional);
+}
+
+/* What is left is the plan's estimate, stretched by how it has fared so far. */
+static void set_progress(const struct campaign *c, json_t *all) {
+    if (!c->plan || !c->done)
+        return;
+    double total = fmax((double)c->plan->estimate_us, 1), done = (double)c->estimate_done_us;
     double elapsed = (double)(clock_now_us(c->clock) - c->started_us);
     double stretch = done > 0.05 * total ? fmin(fmax(elapsed / done, 0.5), 3) : 1;
-    double left = fmax(total - done, 0);
-    double fraction = fmin(done / total, NEVER_DONE_EARLY);
-    if (c->state == CAMPAIGN_DONE)
-        fraction = 1;
-    return json_pack("{s:f, s:i, s:i, s:i, s:f, s:f, s:f, s:f}", "fraction", fraction, "step", c->step,
-                     "steps_done", c->n_done, "steps", c->plan->n_steps, "elapsed_s", elapsed / US_PER_S,
-                     "left_s", left * stretch / US_PER_S, "left_low_s",
-                     left * c->plan->estimate_low_us / total * fmin(stretch, 1) / US_PER_S, "left_high_s",
-                     left * c->plan->estimate_high_us / total * fmax(stretch, 1) / US_PER_S);
+    double left_s = fmax(total - done, 0) / US_PER_S;
+    double fraction = c->state == CAMPAIGN_DONE ? 1 : fmin(done / total, NEVER_DONE_EARLY);
+    json_object_set_new(all, "progress",
+                        json_pack("{s:f, s:i, s:i, s:i, s:f}", "fraction", fraction, "step", c->step,
+                                  "steps_done", c->n_done, "steps", c->plan->n_steps, "elapsed_s",
+                                  elapsed / US_PER_S));
+    json_object_set_new(all, "left_s", json_real(left_s * stretch));
+    json_object_set_new(all, "left_low_s",
+                        json_real(left_s * fmin(stretch, c->plan->estimate_low_us / total)));
+    json_object_set_new(all, "left_high_s",
+                        json_real(left_s * fmax(stretch, c->plan->estimate_high_us / total)));
 }
 
 static json_t *job_json(const struct campaign *c) {
-    if (!c->current || !c->job)
+    if (!c->current)
         return json_null();
-    const char *kind[] = {
-        [STEP_WARM_UP] = "lamp warm-up", [STEP_HOLD] = "hold",        [STEP_REFERENCE] = "reference",
-        [STEP_SAMPLE] = "sample",        [STEP_TRAP] = "stray light", [STEP_PARK] = "parking"};
-    json_t *json = json_pack("{s:i, s:s, s:s}", "number", c->current->number, "name", c->job->name, "phase",
-                             c->step >= 0 ? kind[c->plan->step[c->step].kind] : "preparing");
-    if (c->step >= 0)
-        json_object_set_new(json, "text", json_string(c->plan->step[c->step].text));
-    return json;
+    return json_pack("{s:i, s:s}", "number", c->current->number, "name", c->current->name);
 }
 
 static json_t *queue_json(const struct campaign *c) {
@@ -93,32 +102,72 @@ static json_t *queue_json(const struct campaign *c) {
     return all;
 }
 
-static json_t *spectrometer_json(const struct campaign *c) {
-    return json_pack("{s:b, s:s, s:f, s:f, s:o, s:i}", "open", c->instruments.spectrometer != NULL, "model",
-                     c->instruments.model->name, "exposure_ms", c->last_exposure_us / (double)US_PER_MS,
-                     "peak", c->last_peak, "read_us", stamp(c->last_set_us ? c->last_set_us : INT64_MIN),
-                     "lamp", c->lamp);
+static json_t *ended_json(const struct campaign *c) {
+    json_t *all = json_array();
+    for (int i = 0; i < c->n_ended; i++)
+        json_array_append(all, c->ended[i]);
+    return all;
 }
 
-static json_t *hold_json(const struct campaign *c) {
-    if (!c->hold.active)
-        return json_null();
-    return json_pack("{s:s, s:b, s:I}", "text", c->hold.text, "planned", c->hold.planned, "since_us",
-                     (json_int_t)c->hold.since_us);
+static json_t *spectrometer_json(const struct campaign *c) {
+    const struct spectrometer *s = c->instruments.spectrometer;
+    int64_t age_us = clock_now_us(c->clock) - c->last_set_us;
+    json_t *json =
+        json_pack("{s:b, s:s, s:s, s:f, s:f}", "open", s != NULL, "model", c->instruments.model->name,
+                  "serial", s ? spectrometer_calibration(s)->serial : "", "exposure_ms",
+                  c->last_exposure_us / (double)US_PER_MS, "peak", c->last_peak);
+    if (c->last_set_us) {
+        json_object_set_new(json, "read_us", json_integer(c->last_set_us));
+        json_object_set_new(json, "age_ms", json_real((double)(age_us / US_PER_MS)));
+    }
+    if (isfinite(c->last_temperature_c))
+        json_object_set_new(json, "temperature_c", json_real(c->last_temperature_c));
+    return json;
+}
+
+static json_t *snapshot_json(const struct campaign *c) {
+    const char *phase = c->plan && c->step >= 0 ? step_kind_name(c->plan->step[c->step].kind) : "";
+    json_t *all =
+        json_pack("{s:s, s:I, s:I, s:b, s:o, s:s, s:s, s:s, s:s}", "state", campaign_state_name(c->state),
+                  "now_us", (json_int_t)clock_now_us(c->clock), "utc_us", (json_int_t)clock_utc_us(c->clock),
+                  "simulated", c->setup.wiring->simulated, "job", job_json(c), "phase", phase, "hold",
+                  c->hold.active ? c->hold.text : "", "warning", c->warning, "why", c->failure.text);
+    set_progress(c, all);
+    json_object_set_new(all, "points", points_json(c));
+    json_object_set_new(all, "sessions", sessions_json(c));
+    json_object_set_new(all, "estimates", estimates_json(c));
+    json_object_set_new(all, "axes", campaign_stage_json(c));
+    json_object_set_new(all, "spectrometer", spectrometer_json(c));
+    json_object_set_new(all, "lamp", c->lamp < 0 ? json_null() : json_boolean(c->lamp));
+    json_object_set_new(all, "queue", queue_json(c));
+    json_object_set_new(all, "queue_waits", json_boolean(c->queue_waits));
+    json_object_set_new(all, "jobs_ended", ended_json(c));
+    return all;
 }
 
 void campaign_publish(struct campaign *c) {
-    json_t *all = json_pack(
-        "{s:s, s:I, s:I, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:b, s:s, s:s}", "state",
-        campaign_state_name(c->state), "now_us", (json_int_t)clock_now_us(c->clock), "utc_us",
-        (json_int_t)clock_utc_us(c->clock), "simulated", c->setup.wiring->simulated, "job", job_json(c),
-        "progress", progress_json(c), "hold", hold_json(c), "sessions", sessions_json(c), "stage",
-        campaign_stage_json(c), "spectrometer", spectrometer_json(c), "queue", queue_json(c), "queue_waits",
-        c->queue_waits, "warning", c->warning, "failure", c->failure.text);
+    json_t *all = snapshot_json(c);
     c->published_us = clock_now_us(c->clock);
     atomic_store(&c->utc_s, clock_utc_us(c->clock) / US_PER_S);
     desk_publish(c->setup.desk, json_dumps(all, JSON_COMPACT));
     json_decref(all);
+}
+
+/* What became of the job at hand, kept for who asks later. Takes the names of its sessions before they are let go. */
+void campaign_job_ended(struct campaign *c, enum campaign_state state, json_t *sessions) {
+    json_t *job =
+        json_pack("{s:i, s:s, s:s, s:s, s:o}", "number", c->current->number, "name", c->current->name,
+                  "state", campaign_state_name(state), "why", c->failure.text, "sessions", sessions);
+    if (c->n_ended == CAMPAIGN_ENDED) {
+        json_decref(c->ended[0]);
+        memmove(c->ended, c->ended + 1, --c->n_ended * sizeof *c->ended);
+    }
+    c->ended[c->n_ended++] = job;
+    campaign_event(c, "end", false, json_deep_copy(job));
+}
+
+json_t *campaign_session_names(const struct campaign *c) {
+    return sessions_json(c);
 }
 
 void campaign_event(struct campaign *c, const char *kind, bool coalesce, json_t *json) {

@@ -51,7 +51,7 @@ enum desk_manual_kind {
     MANUAL_HOME,       /* axis */
     MANUAL_MOVE,       /* axis, deg */
     MANUAL_SPECTRUM,   /* average, exposure_ms, lamp; outcome {"lambda_nm": [...], "counts": [...], ...} */
-    MANUAL_COMMISSION, /* axis, answer: the next question of commissioning, or its result */
+    MANUAL_COMMISSION, /* axis, answer; outcome {"text", "question", "done", "passed"} */
     MANUAL_KINDS
 };
 

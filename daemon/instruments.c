@@ -188,6 +188,11 @@ static int open_axis(struct instruments *i, enum stage_axis which, struct err *e
             return result;
         c.position_valid = i->wiring->simulated || drives_position_valid(i->state_dir, a, i->profile[which]);
     }
+    if (c.kind == AXIS_FIXED && i->wiring->turned) {
+        int result = i->wiring->turned(i->wiring->self, c.name, a->fixed_deg, e);
+        if (result < 0)
+            return result;
+    }
     return axis_open(&i->stage.axis[which], &c, link, i->bench, e);
 }
 

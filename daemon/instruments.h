@@ -33,9 +33,11 @@ struct wiring {
     int (*modbus)(void *self, const struct modbus_link_config *link, struct modbus_link *out, struct err *e);
     int (*usb)(void *self, const char *target, const struct spectrometer_model *model, const char *serial,
                struct usb_link *out, struct err *e);
-    /* A sample has been put at its holder position (by a person; the simulated bench does it here). NULL =
-     * nothing to do. */
-    int (*mount)(void *self, const struct job_sample *sample, struct err *e);
+    /* What a person does at a bench without the motor for it; the simulated bench does it here, when the campaign has
+     * been told that it is done. NULL = nothing to do. */
+    int (*mount)(void *self, const struct job_sample *sample, struct err *e); /* at its holder position */
+    int (*in_beam)(void *self, const char *holder_position, struct err *e);
+    int (*turned)(void *self, const char *axis, double deg, struct err *e);
     /* A session that is resumed holds this exposure: the simulated bench goes on behind it. NULL = nothing to
      * do. */
     void (*seen_before)(void *self, const struct job_sample *sample, const struct exposure *x);

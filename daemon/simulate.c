@@ -148,6 +148,16 @@ static int mount(void *self, const struct job_sample *sample, struct err *e) {
     return result;
 }
 
+static int in_beam(void *self, const char *position, struct err *e) {
+    struct simulate *s = self;
+    return sim_bench_hold(s->bench, position, e);
+}
+
+static int turned(void *self, const char *axis, double deg, struct err *e) {
+    struct simulate *s = self;
+    return sim_bench_turn(s->bench, axis, deg, e);
+}
+
 /* ---- a session that goes on ---- */
 
 static struct visit *visit_of(struct simulate *s, const struct visit *state) {
@@ -194,5 +204,7 @@ void simulate_wiring(struct simulate *s, struct wiring *wiring) {
                               .modbus = open_modbus,
                               .usb = open_usb,
                               .mount = mount,
+                              .in_beam = in_beam,
+                              .turned = turned,
                               .seen_before = seen_before};
 }

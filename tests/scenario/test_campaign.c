@@ -16,7 +16,7 @@
 
 #define INCIDENCES "[20, 40]"
 #define VIEWS "{from: -60, to: 60, step: 15}"
-#define N_POINTS 17 /* of 18 one has the source in front of the sensor; some are measured twice */
+#define N_POINTS 17 /* of 18 geometries two have the source in front of the sensor; one is repeated */
 
 static const struct simulate_options seed1 = {.seed = 1};
 
