@@ -66,7 +66,8 @@ static void spectra_panel(struct figure *f, const struct dataset *d) {
     struct dataset_sweep s = dataset_sweep_nearest(d, PAPER_INCIDENCE_DEG);
     char title[200];
     fprintf(f->gp,
-            "set title \"%s, incidence %.3g deg\"\nset xlabel \"wavelength / nm\"\nset ylabel \"radiance "
+            "set key outside right\nset title \"%s, incidence %.3g deg\"\nset xlabel \"wavelength / "
+            "nm\"\nset ylabel \"radiance "
             "factor\"\n",
             plot_title(d, title, sizeof title), s.theta_i_deg);
     const char *glue = "plot ";
@@ -118,7 +119,7 @@ static int plot_water(const struct plot_set *set, bool *drawn, struct err *e) {
     figure_panels(&f, 1, 1, 2 * PANEL_WIDTH, 2 * PANEL_HEIGHT);
     fprintf(f.gp,
             "set title \"Visible mean at incidence %d deg\"\nset xlabel \"viewing angle / deg\"\n"
-            "set ylabel \"radiance factor\"\nset logscale y\nplot ",
+            "set ylabel \"radiance factor\"\nset logscale y\nset key left top\nplot ",
             PAPER_INCIDENCE_DEG);
     for (int i = 0; i < set->n; i++) {
         write_sweep(&f, &set->data[i], dataset_sweep_nearest(&set->data[i], PAPER_INCIDENCE_DEG));
@@ -155,7 +156,7 @@ static void fit_panel(struct figure *f, const struct dataset *d) {
     char title[200];
     fprintf(f->gp,
             "set title \"%s\"\nset xlabel \"viewing angle / deg\"\nset ylabel \"radiance factor (mean %d to "
-            "%d nm)\"\nplot ",
+            "%d nm)\"\nset key left top\nplot ",
             plot_title(d, title, sizeof title), d->estimate.mean_low_nm, d->estimate.mean_high_nm);
     for (int s = 0; s < n; s++) {
         for (int i = sweep[s].first; i < sweep[s].first + sweep[s].n; i++)

@@ -1,11 +1,13 @@
 /* Figures of fitted parameters: against water, and their uncertainty against what it cost to measure them. */
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "daemon/figure.h"
 #include "daemon/plot.h"
 
 #define INCIDENCE_DEG 40 /* of peak height and retro/normal ratio; the paper's Fig. 4 */
+#define SUPPORTS 5
 #define QUANTITIES (DATASET_PARAMETERS + 2)
 
 static const char *const QUANTITY[QUANTITIES] = {
@@ -37,15 +39,42 @@ static void write_quantities(struct figure *f, const struct dataset *d) {
     }
 }
 
-static void parameter_panel(struct figure *f, int k) {
-    fprintf(
-        f->gp,
-        "set title \"%s\"\nset xlabel \"added water / %%\"\nset xrange [-10:100]\nunset ylabel\n"
-        "plot data using (strcol(4) eq \"%s\" ? $3 : NaN):5:6 with yerrorbars pt 7 ps 0.6 lc rgb \"#332288\" "
-        "title \"fitted, u\", \\\n"
-        "     data using (strcol(4) eq \"%s\" ? $3 : NaN):7 with points pt 2 ps 0.8 lc rgb \"#cc6677\" "
-        "title \"true\"\n",
-        QUANTITY[k], KEY[k], KEY[k]);
+/* Each support is a curve of its own: paint on board and on paper are different surfaces. */
+static int list_supports(const struct plot_set *set, const char *support[SUPPORTS]) {
+    int n = 0;
+    for (int i = 0; i < set->n; i++) {
+        int known = 0;
+        while (known < n && strcmp(support[known], set->data[i].support) != 0)
+            known++;
+        if (known == n && n < SUPPORTS && set->data[i].has_estimate && set->data[i].has_water)
+            support[n++] = set->data[i].support;
+    }
+    return n;
+}
+
+static void parameter_panel(struct figure *f, const struct plot_set *set, int k) {
+    const char *support[SUPPORTS];
+    char label[80];
+    int n = list_supports(set, support);
+    bool truth = k < DATASET_PARAMETERS && set->data[0].has_truth;
+    fprintf(f->gp,
+            "set title \"%s\"\nset xlabel \"added water / %%\"\nset xrange [-10:100]\nunset ylabel\nplot ",
+            QUANTITY[k]);
+    for (int s = 0; s < n; s++) {
+        figure_label(support[s], label, sizeof label);
+        fprintf(f->gp,
+                "%sdata using (strcol(2) eq \"%s\" && strcol(4) eq \"%s\" ? $3 : NaN):5:6 with yerrorbars pt "
+                "7 ps 0.6 "
+                "lc rgb \"%s\" title \"%s\"",
+                s ? ", \\\n     " : "", label, KEY[k], COLOURS[s], label);
+        if (truth)
+            fprintf(f->gp,
+                    ", \\\n     data using (strcol(2) eq \"%s\" && strcol(4) eq \"%s\" ? $3 : NaN):7 with "
+                    "points pt 6 "
+                    "ps 1.4 lc rgb \"%s\" title \"%s\"",
+                    label, KEY[k], COLOURS[s], s ? "" : "true");
+    }
+    fputs("\n", f->gp);
 }
 
 int plot_parameters(const struct plot_set *set, bool *drawn, struct err *e) {
@@ -64,7 +93,7 @@ int plot_parameters(const struct plot_set *set, bool *drawn, struct err *e) {
             write_quantities(&f, &set->data[i]);
     figure_panels(&f, 2, 4, 1400, 640);
     for (int k = 0; k < QUANTITIES; k++)
-        parameter_panel(&f, k);
+        parameter_panel(&f, set, k);
     *drawn = true;
     return figure_end(&f, e);
 }

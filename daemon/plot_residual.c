@@ -87,7 +87,7 @@ static void panel(struct figure *f, const struct dataset *d, const json_t *fits)
     fprintf(
         f->gp,
         "set title \"%s\"\nset xlabel \"viewing angle / deg\"\nset ylabel \"(measured - model) / measured\"\n"
-        "set yrange [-1:1]\n",
+        "set yrange [-1:1]\nset key outside below\n",
         plot_title(d, title, sizeof title));
     for (int k = 0; k < N_MODELS; k++) {
         struct estimate m;
