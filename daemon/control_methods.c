@@ -389,19 +389,6 @@ void control_handle_line(struct control_client *c, const char *line, size_t size
 
 /* ---- from the desk ---- */
 
-static void mistakes_from_json(const json_t *list, struct err_list *errors) {
-    size_t i;
-    json_t *m;
-    json_array_foreach(list, i, m) {
-        struct err one = {0};
-        const char *file = json_string_value(json_object_get(m, "file"));
-        const char *text = json_string_value(json_object_get(m, "text"));
-        err_at(&one, ERR_INPUT, file ? file : "", (int)json_integer_value(json_object_get(m, "line")),
-               (int)json_integer_value(json_object_get(m, "column")), "%s", text ? text : "");
-        err_list_add(errors, &one);
-    }
-}
-
 static char *outcome_text(const json_t *id, const struct desk_outcome *o) {
     json_t *json = o->json ? json_loads(o->json, 0, NULL) : NULL;
     char *text;
@@ -413,7 +400,7 @@ static char *outcome_text(const json_t *id, const struct desk_outcome *o) {
         struct err e = {0};
         struct err_list errors = {0};
         err_set(&e, (enum err_code)abs(o->code), "%s", o->text);
-        mistakes_from_json(json, &errors);
+        rpc_read_mistakes(json, &errors);
         text = rpc_error_text(id, rpc_code_of(&e), &e, &errors);
         err_list_free(&errors);
     }

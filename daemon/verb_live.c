@@ -8,6 +8,7 @@
 #include "proto/number.h"
 
 #define ANSWER_MS 10000
+#define DEVICES_MS 60000           /* each unit of each bus may time out */
 #define MANUAL_MS (10 * 60 * 1000) /* a homing axis may search for minutes */
 
 int live_call(const struct verb_args *args, const char *method, json_t *params, int silence_ms,
@@ -26,6 +27,25 @@ int live_call(const struct verb_args *args, const char *method, json_t *params, 
 void live_print_json(const json_t *value) {
     json_dumpf(value, stdout, JSON_COMPACT | JSON_ENCODE_ANY);
     putchar('\n');
+}
+
+int live_ask(int argc, char **argv, const char *method, int silence_ms, const char *part,
+             void (*print)(const json_t *)) {
+    struct verb_args args;
+    struct err e = {0};
+    json_t *result = NULL;
+    int done = verb_parse(argc, argv, NULL, 0, 0, &args);
+    if (done >= 0)
+        return done;
+    if (live_call(&args, method, NULL, silence_ms, &result, NULL, &e) != 0)
+        return verb_fail(&e, NULL);
+    const json_t *shown = part ? json_object_get(result, part) : result;
+    if (args.json)
+        live_print_json(shown ? shown : json_null());
+    else
+        print(shown);
+    json_decref(result);
+    return 0;
 }
 
 /* Sends and prints `said` (or the JSON answer with --json). */
@@ -107,20 +127,7 @@ void live_print_axes(const json_t *axes) {
 }
 
 int verb_where(int argc, char **argv) {
-    struct verb_args args;
-    struct err e = {0};
-    json_t *result = NULL;
-    int done = verb_parse(argc, argv, NULL, 0, 0, &args);
-    if (done >= 0)
-        return done;
-    if (live_call(&args, "where", NULL, ANSWER_MS, &result, NULL, &e) != 0)
-        return verb_fail(&e, NULL);
-    if (args.json)
-        live_print_json(result);
-    else
-        live_print_axes(json_object_get(result, "axes"));
-    json_decref(result);
-    return 0;
+    return live_ask(argc, argv, "where", ANSWER_MS, "axes", live_print_axes);
 }
 
 int verb_home(int argc, char **argv) {
@@ -161,40 +168,19 @@ static void print_devices(const json_t *result) {
 }
 
 int verb_devices(int argc, char **argv) {
-    struct verb_args args;
-    struct err e = {0};
-    json_t *result = NULL;
-    int done = verb_parse(argc, argv, NULL, 0, 0, &args);
-    if (done >= 0)
-        return done;
-    if (live_call(&args, "devices", NULL, 60000, &result, NULL, &e) != 0)
-        return verb_fail(&e, NULL);
-    if (args.json)
-        live_print_json(result);
-    else
-        print_devices(result);
-    json_decref(result);
-    return 0;
+    return live_ask(argc, argv, "devices", DEVICES_MS, NULL, print_devices);
+}
+
+static void print_queue(const json_t *queue) {
+    size_t i;
+    json_t *job;
+    if (json_array_size(queue) == 0)
+        puts("no job waits");
+    json_array_foreach(queue, i, job)
+        printf("  %lld  %s\n", (long long)json_integer_value(json_object_get(job, "number")),
+               json_string_value(json_object_get(job, "name")) ?: "?");
 }
 
 int verb_queue(int argc, char **argv) {
-    struct verb_args args;
-    struct err e = {0};
-    json_t *status = NULL, *job;
-    size_t i;
-    int done = verb_parse(argc, argv, NULL, 0, 0, &args);
-    if (done >= 0)
-        return done;
-    if (live_call(&args, "status", NULL, ANSWER_MS, &status, NULL, &e) != 0)
-        return verb_fail(&e, NULL);
-    json_t *queue = json_object_get(status, "queue");
-    if (args.json)
-        live_print_json(queue ? queue : json_array());
-    else if (json_array_size(queue) == 0)
-        puts("no job waits");
-    json_array_foreach(args.json ? NULL : queue, i, job)
-        printf("  %lld  %s\n", (long long)json_integer_value(json_object_get(job, "number")),
-               json_string_value(json_object_get(job, "name")) ?: "?");
-    json_decref(status);
-    return 0;
+    return live_ask(argc, argv, "status", ANSWER_MS, "queue", print_queue);
 }

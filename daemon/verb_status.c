@@ -75,20 +75,7 @@ void live_print_status(const json_t *s) {
 }
 
 int verb_status(int argc, char **argv) {
-    struct verb_args args;
-    struct err e = {0};
-    json_t *status = NULL;
-    int done = verb_parse(argc, argv, NULL, 0, 0, &args);
-    if (done >= 0)
-        return done;
-    if (live_call(&args, "status", NULL, 10000, &status, NULL, &e) != 0)
-        return verb_fail(&e, NULL);
-    if (args.json)
-        live_print_json(status);
-    else
-        live_print_status(status);
-    json_decref(status);
-    return 0;
+    return live_ask(argc, argv, "status", 10000, NULL, live_print_status);
 }
 
 int verb_watch(int argc, char **argv) {

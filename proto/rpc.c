@@ -73,6 +73,19 @@ static json_t *mistakes(const struct err_list *errors) {
     return list;
 }
 
+void rpc_read_mistakes(const json_t *list, struct err_list *errors) {
+    size_t i;
+    json_t *m;
+    json_array_foreach(list, i, m) {
+        struct err one = {0};
+        const char *file = json_string_value(json_object_get(m, "file"));
+        const char *text = json_string_value(json_object_get(m, "text"));
+        err_at(&one, ERR_INPUT, file ? file : "", (int)json_integer_value(json_object_get(m, "line")),
+               (int)json_integer_value(json_object_get(m, "column")), "%s", text ? text : "");
+        err_list_add(errors, &one);
+    }
+}
+
 char *rpc_error_text(const json_t *id, int code, const struct err *e, const struct err_list *errors) {
     json_t *data = json_pack("{s:s}", "code", err_name(e->code));
     if (errors && errors->n)

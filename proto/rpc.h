@@ -47,6 +47,8 @@ void rpc_request_free(struct rpc_request *rq);
 char *rpc_reply_text(const json_t *id, const json_t *result);
 char *rpc_error_text(const json_t *id, int code, const struct err *e, const struct err_list *errors);
 char *rpc_event_text(const json_t *params);
+/* The list in data.errors back into struct errs. */
+void rpc_read_mistakes(const json_t *list, struct err_list *errors);
 int rpc_code_of(const struct err *e);
 
 struct rpc_client;

@@ -160,24 +160,11 @@ static void keep_event(struct rpc_client *c, json_t *message) {
         json_array_append(c->events, params);
 }
 
-static void copy_mistakes(const json_t *list, struct err_list *errors) {
-    size_t i;
-    json_t *m;
-    json_array_foreach(list, i, m) {
-        struct err one = {0};
-        const char *file = json_string_value(json_object_get(m, "file"));
-        const char *text = json_string_value(json_object_get(m, "text"));
-        err_at(&one, ERR_INPUT, file ? file : "", (int)json_integer_value(json_object_get(m, "line")),
-               (int)json_integer_value(json_object_get(m, "column")), "%s", text ? text : "");
-        err_list_add(errors, &one);
-    }
-}
-
 static int server_error(const json_t *error, struct err_list *errors, struct err *e) {
     const char *message = json_string_value(json_object_get(error, "message"));
     int code = RPC_OWN - (int)json_integer_value(json_object_get(error, "code"));
     if (errors)
-        copy_mistakes(json_object_get(json_object_get(error, "data"), "errors"), errors);
+        rpc_read_mistakes(json_object_get(json_object_get(error, "data"), "errors"), errors);
     if (code <= ERR_NONE || code >= ERR_CODES)
         code = ERR_USAGE;
     return err_set(e, (enum err_code)code, "%s", message ? message : "goniod refused without a reason");
