@@ -31,8 +31,9 @@ struct campaign_setup { /* all outlive the campaign */
     struct desk *desk;
     struct bench *bench;
     const struct wiring *wiring;
-    uint64_t seed;        /* of the simulated bench; written down */
-    const char *goniofit; /* NULL: found beside goniod */
+    uint64_t seed;          /* of the simulated bench; written down */
+    const char *goniofit;   /* NULL: found beside goniod */
+    bool without_estimates; /* points only: nothing is asked of goniofit */
 };
 
 struct campaign;

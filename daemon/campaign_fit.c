@@ -364,7 +364,7 @@ void campaign_fit_bracket(struct campaign *c, struct measured *m) {
 }
 
 void campaign_fit_next(struct campaign *c) {
-    for (int i = 1; i <= JOB_SAMPLES && estimator_idle(c->estimator); i++) {
+    for (int i = 1; !c->setup.without_estimates && i <= JOB_SAMPLES && estimator_idle(c->estimator); i++) {
         int sample = (c->fit_sample + i) % JOB_SAMPLES;
         struct err e = {0};
         if (!c->measured[sample].used || !c->measured[sample].fit_wanted)
@@ -404,7 +404,7 @@ int campaign_fit_final(struct campaign *c, struct err *e) {
     if (result == 0)
         result = await_answer(c, e);
     for (int i = 0; i < c->job->n_samples && result == 0; i++)
-        if (c->measured[i].used)
+        if (c->measured[i].used && !c->setup.without_estimates)
             result = final_of(c, i, e);
     return result == 0 ? campaign_store_drain(c, &c->cancel, e) : result;
 }

@@ -93,6 +93,10 @@ static void write_texts(struct campaign *c, int sample) {
     set_json(c, m->file, "plan", plan_to_json(c->plan, c->job));
     set_json(c, m->file, "reduce_setup", reduce_setup_to_json(&setup));
     set_json(c, m->file, "fit_setup", campaign_fit_setup(c));
+    const struct wiring *w = c->setup.wiring;
+    json_t *truth = w->truth ? w->truth(w->self, &c->job->sample[sample], c->job->mean_nm) : NULL;
+    if (truth)
+        set_json(c, m->file, "truth", truth);
     for (int a = 0; a < STAGE_AXES; a++)
         if (c->instruments.profile[a] && c->plan->uses[a]) {
             char key[48];

@@ -38,6 +38,8 @@ struct wiring {
     int (*mount)(void *self, const struct job_sample *sample, struct err *e); /* at its holder position */
     int (*in_beam)(void *self, const char *holder_position, struct err *e);
     int (*turned)(void *self, const char *axis, double deg, struct err *e);
+    /* What a simulated sample truly is (simulate_surface.h), for its session; NULL = not known. */
+    struct json_t *(*truth)(void *self, const struct job_sample *sample, const int mean_nm[2]);
     /* A session that is resumed holds this exposure: the simulated bench goes on behind it. NULL = nothing to
      * do. */
     void (*seen_before)(void *self, const struct job_sample *sample, const struct exposure *x);

@@ -21,6 +21,12 @@ struct simulate {
     char position[JOB_SAMPLES][32]; /* where something is mounted, and what */
     char mounted[JOB_SAMPLES][48];
     int n_positions;
+    struct {
+        char sample[48];
+        struct simulate_surface surface;
+    } instead[JOB_SAMPLES];
+    int n_instead;
+    bool any_link;
     struct visit *visit;
     int n_visits;
 };
@@ -62,6 +68,12 @@ static void set_positions(struct sim_config *s, const struct config_axis *holder
     }
 }
 
+static void take_as_stated(struct sim_config *s) {
+    s->certificate_u_rel = 0;
+    for (int i = 0; i < s->n_axes; i++)
+        s->axis[i].u_zero_deg = 0;
+}
+
 int simulate_new(struct simulate **simulate, const struct simulate_options *options,
                  const struct config *config, struct clock *clock, struct err *e) {
     struct sim_config s;
@@ -77,10 +89,13 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     s.lamp_warm_up_min = config->lamp_warm_up_min;
     set_axes(&s, config);
     set_positions(&s, &config->holder);
+    if (options->nominal)
+        take_as_stated(&s);
     struct simulate *new = calloc(1, sizeof *new);
     if (!new)
         return err_set(e, ERR_NOMEM, "no memory for the simulated bench");
     new->config = config;
+    new->any_link = options->any_link;
     int result = sim_bench_new(&new->bench, &s, clock, e);
     if (result < 0) {
         free(new);
@@ -103,7 +118,7 @@ void simulate_free(struct simulate *s) {
 static int open_modbus(void *self, const struct modbus_link_config *link, struct modbus_link *out,
                        struct err *e) {
     struct simulate *s = self;
-    if (strncmp(link->target, "sim:", 4) != 0)
+    if (!s->any_link && strncmp(link->target, "sim:", 4) != 0)
         return err_set(e, ERR_INPUT,
                        "link %s is not simulated: with --simulate every axis has link sim:modbus",
                        link->target);
@@ -115,7 +130,7 @@ static int open_usb(void *self, const char *target, const struct spectrometer_mo
     struct simulate *s = self;
     (void)model;
     (void)serial;
-    if (strncmp(target, "sim:", 4) != 0)
+    if (!s->any_link && strncmp(target, "sim:", 4) != 0)
         return err_set(e, ERR_INPUT,
                        "link %s is not simulated: with --simulate the spectrometer has link sim:usb", target);
     return sim_usb_link(s->bench, out, e);
@@ -133,14 +148,51 @@ static char *mounted_at(struct simulate *s, const char *position) {
     return s->mounted[s->n_positions++];
 }
 
+int simulate_mount_instead(struct simulate *s, const char *sample, const struct simulate_surface *surface,
+                           struct err *e) {
+    if (s->n_instead == JOB_SAMPLES)
+        return err_set(e, ERR_RANGE, "the simulated bench takes at most %d samples", JOB_SAMPLES);
+    snprintf(s->instead[s->n_instead].sample, sizeof s->instead[0].sample, "%s", sample);
+    s->instead[s->n_instead++].surface = *surface;
+    return 0;
+}
+
+static const struct simulate_surface *instead_of(const struct simulate *s, const char *sample) {
+    for (int i = s->n_instead - 1; i >= 0; i--)
+        if (!strcmp(s->instead[i].sample, sample))
+            return &s->instead[i].surface;
+    return NULL;
+}
+
+static int surface_of(const struct simulate *s, const struct job_sample *sample, struct sim_surface *surface,
+                      struct err *e) {
+    const struct simulate_surface *known = instead_of(s, sample->name);
+    int water = sample->has_water ? (int)lround(sample->water_percent) : 0;
+    if (!known)
+        return sim_paint_find(sample->paint, sample->support, water, surface, e);
+    *surface = (struct sim_surface){
+        .sigma = known->sigma, .gamma = known->gamma, .beta_prime = known->beta_prime, .n = known->n};
+    memcpy(surface->s_lambda, known->s_lambda, sizeof surface->s_lambda);
+    return 0;
+}
+
+static json_t *truth(void *self, const struct job_sample *sample, const int mean_nm[2]) {
+    struct sim_surface from;
+    if (surface_of(self, sample, &from, NULL) < 0 || from.measured)
+        return NULL;
+    struct simulate_surface to = {
+        .sigma = from.sigma, .gamma = from.gamma, .beta_prime = from.beta_prime, .n = from.n};
+    memcpy(to.s_lambda, from.s_lambda, sizeof to.s_lambda);
+    return simulate_surface_to_json(&to, mean_nm);
+}
+
 static int mount(void *self, const struct job_sample *sample, struct err *e) {
     struct simulate *s = self;
     struct sim_surface surface;
     char *there = mounted_at(s, sample->holder);
     if (there && !strcmp(there, sample->name))
         return 0;
-    int water = sample->has_water ? (int)lround(sample->water_percent) : 0;
-    int result = sim_paint_find(sample->paint, sample->support, water, &surface, e);
+    int result = surface_of(s, sample, &surface, e);
     if (result == 0)
         result = sim_bench_mount(s->bench, sample->holder, &surface, e);
     if (result == 0 && there)
@@ -206,5 +258,6 @@ void simulate_wiring(struct simulate *s, struct wiring *wiring) {
                               .mount = mount,
                               .in_beam = in_beam,
                               .turned = turned,
+                              .truth = truth,
                               .seen_before = seen_before};
 }

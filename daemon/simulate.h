@@ -3,12 +3,12 @@
  *
  * The only file of the daemon that includes sim/. The bench takes its axes, optics and spectrometer from the config
  * (links sim:modbus and sim:usb), the truth of a sample from the job: its paint, support and water_percent, or
- * notes {brdf: NAME} for a surface that was added. Mounting is done as the job says, at once: the simulated person
+ * notes {brdf: NAME} for a surface that was added, or what simulate_mount_instead says. Mounting is done as the job says, at once: the simulated person
  * does what the hold asked for.
  *
  * Seed       draws of the bench; a resumed session sets the visit counts, so that noise goes on where it stood.
  * Errors     -ERR_INPUT names the nearest known paint; -ERR_INPUT a config the simulated bench cannot be.
- * Checked    tests/scenario/test_campaign.c
+ * Checked    tests/scenario/test_campaign.c, tests/replay/test_replay_physics.c
  */
 #ifndef DAEMON_SIMULATE_H
 #define DAEMON_SIMULATE_H
@@ -17,6 +17,7 @@
 
 #include "daemon/config.h"
 #include "daemon/instruments.h"
+#include "daemon/simulate_surface.h"
 #include "drivers/clock.h"
 
 struct simulate;
@@ -25,11 +26,16 @@ struct simulate_options {
     uint64_t seed;
     bool quiet; /* no noise, no drift, no draws: for exact tests */
     bool no_drift;
+    bool nominal;  /* zeros as the config states them, the diffuser as its certificate: no draws of those */
+    bool any_link; /* serves whatever links the config names, as a stand-in for that bench */
 };
 
 int simulate_new(struct simulate **simulate, const struct simulate_options *options,
                  const struct config *config, struct clock *clock, struct err *e);
 void simulate_free(struct simulate *simulate);
 void simulate_wiring(struct simulate *simulate, struct wiring *wiring);
+/* From the next mounting on, the sample of that name is this surface instead of its paint. */
+int simulate_mount_instead(struct simulate *simulate, const char *sample,
+                           const struct simulate_surface *surface, struct err *e);
 
 #endif

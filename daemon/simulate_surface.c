@@ -1,0 +1,109 @@
+#include "daemon/simulate_surface.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "fit/reflectance.h"
+
+#define SMOOTH_SIGMA 1e-6 /* the limit sigma -> 0 is Lambert's law; the model's domain is sigma > 0 */
+
+/* Of S(lambda) over mean_nm: the mean, and mean(S^2) / mean(S)^2. */
+static void mean_of(const struct simulate_surface *s, const int mean_nm[2], double *mean, double *q) {
+    double sum = 0, squares = 0;
+    int n = 0;
+    for (int k = 0; k < BANDS; k++)
+        if (band_nm(k) >= mean_nm[0] && band_nm(k) <= mean_nm[1]) {
+            sum += s->s_lambda[k];
+            squares += s->s_lambda[k] * s->s_lambda[k];
+            n++;
+        }
+    *mean = n ? sum / n : NAN;
+    *q = n ? squares / n / (*mean * *mean) : NAN;
+}
+
+json_t *simulate_surface_to_json(const struct simulate_surface *s, const int mean_nm[2]) {
+    double mean, q;
+    json_t *spectrum = json_array();
+    mean_of(s, mean_nm, &mean, &q);
+    for (int k = 0; k < BANDS; k++)
+        json_array_append_new(spectrum, json_real(s->s_lambda[k]));
+    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:[i,i], s:o}", "S", mean, "sigma", s->sigma,
+                     "gamma", s->gamma, "beta_prime", s->beta_prime, "n", s->n, "kappa", 1.0, "q", q,
+                     "mean_nm", mean_nm[0], mean_nm[1], "s_lambda", spectrum);
+}
+
+static int number(const json_t *json, const char *key, double *value, struct err *e) {
+    const json_t *member = json_object_get(json, key);
+    if (!json_is_number(member))
+        return err_set(e, ERR_INPUT, "a surface needs a number \"%s\"", key);
+    *value = json_number_value(member);
+    return 0;
+}
+
+int simulate_surface_from_json(const json_t *json, struct simulate_surface *s, struct err *e) {
+    const json_t *spectrum = json_object_get(json, "s_lambda");
+    int rc = number(json, "sigma", &s->sigma, e);
+    if (rc == 0)
+        rc = number(json, "gamma", &s->gamma, e);
+    if (rc == 0)
+        rc = number(json, "beta_prime", &s->beta_prime, e);
+    if (rc == 0)
+        rc = number(json, "n", &s->n, e);
+    if (rc == 0 && json_array_size(spectrum) != BANDS)
+        rc = err_set(e, ERR_INPUT, "a surface needs \"s_lambda\" with %d numbers", BANDS);
+    for (int k = 0; k < BANDS && rc == 0; k++)
+        s->s_lambda[k] = json_number_value(json_array_get(spectrum, k));
+    return rc;
+}
+
+/* S(lambda) where it was measured, its nearest measured value elsewhere; the mean S where there is no spectrum. */
+static void spectrum_of(const struct estimate *m, struct simulate_surface *s) {
+    int first = -1, last = -1;
+    for (int k = 0; k < BANDS; k++) {
+        s->s_lambda[k] = m->has_spectrum ? m->s_lambda[k] : m->value[MATERIAL_S];
+        if (!isfinite(s->s_lambda[k]))
+            s->s_lambda[k] = last >= 0 ? s->s_lambda[last] : NAN;
+        else {
+            last = k;
+            first = first < 0 ? k : first;
+        }
+    }
+    for (int k = 0; k < first; k++)
+        s->s_lambda[k] = s->s_lambda[first];
+}
+
+int simulate_surface_from_estimate(const struct estimate *m, struct simulate_surface *s, struct err *e) {
+    enum reflectance_model model;
+    if (*m->refusal || !isfinite(m->value[MATERIAL_S]))
+        return err_set(e, ERR_STATE, "the session has no fitted estimate: %s",
+                       *m->refusal ? m->refusal : "it is not a number");
+    if (reflectance_find(m->model, &model, NULL) < 0)
+        return err_set(e, ERR_STATE, "the simulated bench cannot show a surface of the model %s", m->model);
+    if (m->kappa != 1)
+        return err_set(e, ERR_STATE, "the estimate has kappa = %g: fit it again with kappa = 1", m->kappa);
+    bool rough = model == REFLECTANCE_OREN_NAYAR || model == REFLECTANCE_COMPOSITE;
+    bool glossy = model == REFLECTANCE_EQ1 || model == REFLECTANCE_COMPOSITE;
+    *s = (struct simulate_surface){.sigma = rough ? m->value[MATERIAL_SIGMA] : SMOOTH_SIGMA,
+                                   .gamma = glossy ? m->value[MATERIAL_GAMMA] : 1,
+                                   .beta_prime = glossy ? m->value[MATERIAL_BETA_PRIME] : 0,
+                                   .n = glossy ? m->value[MATERIAL_N] : 1.5};
+    spectrum_of(m, s);
+    return 0;
+}
+
+double simulate_surface_mean(const struct simulate_surface *s, double theta_i_deg, double theta_v_deg,
+                             const int mean_nm[2]) {
+    const double value[MATERIAL_PARAMETERS] = {[MATERIAL_S] = 1,
+                                               [MATERIAL_SIGMA] = s->sigma,
+                                               [MATERIAL_GAMMA] = s->gamma,
+                                               [MATERIAL_BETA_PRIME] = s->beta_prime,
+                                               [MATERIAL_N] = s->n};
+    struct reflectance_geometry g;
+    struct reflectance_parts f;
+    double mean, q, sign = theta_i_deg < 0 ? -1 : 1;
+    mean_of(s, mean_nm, &mean, &q);
+    if (reflectance_geometry(&g, sign * theta_i_deg, sign * theta_v_deg, NULL) < 0 ||
+        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, 1, 1, &f, NULL) < 0)
+        return NAN;
+    return mean * f.diffuse + q * mean * mean * f.interreflection + f.specular;
+}
