@@ -144,7 +144,6 @@ static int allocate_run(struct campaign *c, struct err *e) {
 }
 
 static void forget_run(struct campaign *c) {
-    estimator_drop(c->estimator);
     for (int i = 0; i < JOB_SAMPLES; i++) {
         reducer_free(c->measured[i].reducer);
         fit_points_free(c->measured[i].points);
@@ -256,4 +255,8 @@ enum campaign_state campaign_state(const struct campaign *c) {
 
 int campaign_steps_done(const struct campaign *c) {
     return c->n_done;
+}
+
+int campaign_jobs_ended(const struct campaign *c) {
+    return c->all_ended;
 }

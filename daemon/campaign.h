@@ -50,5 +50,6 @@ struct json_t *campaign_check(void *campaign, const struct desk_run *run, struct
 /* For scripts of a test, inside bench_wait: where the run stands. */
 enum campaign_state campaign_state(const struct campaign *campaign);
 int campaign_steps_done(const struct campaign *campaign);
+int campaign_jobs_ended(const struct campaign *campaign);
 
 #endif

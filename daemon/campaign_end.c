@@ -23,8 +23,8 @@ static void make_safe(struct campaign *c) {
     struct err ignored = {0};
     stage_order_stop(&c->instruments.stage);
     if (c->instruments.spectrometer && c->setup.config->shutter == SHUTTER_LAMP_LINE) {
-        spectrometer_set_lamp(c->instruments.spectrometer, false, &c->cancel, &ignored);
-        c->lamp = -1;
+        int result = spectrometer_set_lamp(c->instruments.spectrometer, false, &c->cancel, &ignored);
+        c->lamp = result == 0 ? 0 : -1;
     }
     campaign_await_standstill(c);
     err_clear(&ignored);
@@ -34,6 +34,7 @@ static void make_safe(struct campaign *c) {
 
 static void close_sessions(struct campaign *c, enum campaign_state state) {
     struct err failed = {0};
+    estimator_drop(c->estimator); /* an answer that still comes would have no session to go to */
     if (!c->writer)
         return;
     if (c->set.full && !c->store_failure.code)
@@ -44,16 +45,16 @@ static void close_sessions(struct campaign *c, enum campaign_state state) {
     if (c->warning[0])
         json_object_set_new(end, "warning", json_string(c->warning));
     campaign_store_event(c, "end", end);
-    for (int i = 0; i < JOB_SAMPLES; i++)
+    for (int i = 0; i < JOB_SAMPLES; i++) {
         if (c->measured[i].used)
             writer_close(c->writer, c->measured[i].file);
+        c->measured[i].used = false; /* the polls of the wait that follows belong to no session */
+    }
     bench_wait(c->bench, CLOCK_NEVER, writer_idle, c->writer, &c->cancel);
     if (!c->failure.code && writer_failure(c->writer, &c->failure) < 0)
         campaign_warn(c, "%s", c->failure.text);
     writer_stop(c->writer);
     c->writer = NULL;
-    for (int i = 0; i < JOB_SAMPLES; i++)
-        c->measured[i].used = false;
 }
 
 /* A drive that lost its position meanwhile (an alarm revokes it) is not trusted by the next goniod either. */

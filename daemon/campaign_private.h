@@ -104,7 +104,7 @@ struct campaign {
     struct campaign_job *queue[CAMPAIGN_QUEUE];
     int n_queue, last_number;
     json_t *ended[CAMPAIGN_ENDED];
-    int n_ended;
+    int n_ended, all_ended;
     bool queue_waits; /* after an abort or a failure, until a person says continue */
     struct desk_order manual;
     bool manual_pending;

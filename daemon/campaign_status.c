@@ -163,6 +163,7 @@ void campaign_job_ended(struct campaign *c, enum campaign_state state, json_t *s
         memmove(c->ended, c->ended + 1, --c->n_ended * sizeof *c->ended);
     }
     c->ended[c->n_ended++] = job;
+    c->all_ended++;
     campaign_event(c, "end", false, json_deep_copy(job));
 }
 

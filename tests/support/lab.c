@@ -64,16 +64,16 @@ static bool is_due(struct lab *lab) {
         return true;
     const struct lab_line *l = &lab->line[lab->fired];
     enum campaign_state state = campaign_state(lab->campaign);
+    if (lab->fired == lab->n_lines && campaign_jobs_ended(lab->campaign) >= (lab->jobs ? lab->jobs : 1))
+        return !lab->over && campaign_state_is_rest(state);
     if (lab->fired == lab->n_lines)
-        return !lab->over && campaign_state_is_rest(state) && state != CAMPAIGN_IDLE;
+        return false;
     return campaign_steps_done(lab->campaign) >= l->steps &&
            (l->state == CAMPAIGN_STATES || l->state == state);
 }
 
 static int64_t due_us(void *self) {
     struct lab *lab = self;
-    if (campaign_steps_done(lab->campaign) > lab->max_steps_done)
-        lab->max_steps_done = campaign_steps_done(lab->campaign);
     return is_due(lab) ? clock_now_us(lab->bench.clock) : CLOCK_NEVER;
 }
 

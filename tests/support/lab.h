@@ -37,9 +37,9 @@ struct lab {
     int n_lines, fired;
     int64_t fired_us;          /* when the last line fired */
     enum campaign_state ended; /* how the last campaign ended */
-    int max_steps_done;
-    int refused; /* code of the first order that was refused, with its sentence */
+    int refused;               /* code of the first order that was refused, with its sentence */
     char refusal[2048];
+    int jobs; /* how many campaigns must have ended before the lab is over; 0 = 1 */
     bool over;
 };
 
