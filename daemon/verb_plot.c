@@ -127,9 +127,8 @@ static void print_one(const struct dataset *d) {
     printf("  %-11s%12s%12s%s\n", "", "fitted", "u", d->has_truth ? "        true    pull" : "");
     for (int k = 0; k < DATASET_PARAMETERS; k++)
         print_parameter(d, k);
-    printf("  q %.4f, kappa %g, mean of %d to %d nm, median relative error %.2g %%, chi2 %.0f of %d points\n",
-           m->q, m->kappa, m->mean_low_nm, m->mean_high_nm, 100 * m->median_relative_error, m->chi2,
-           m->n_points);
+    printf("  q %.4f, kappa %g, mean of %d to %d nm, median relative error %.2g %%\n", m->q, m->kappa,
+           m->mean_low_nm, m->mean_high_nm, 100 * m->median_relative_error);
     for (int i = 0; i < m->n_warnings; i++)
         printf("  note: %s\n", m->warning[i]);
 }

@@ -21,6 +21,8 @@ static const char *text(const json_t *object, const char *key) {
 
 static void print_progress(const json_t *s) {
     json_t *progress = json_object_get(s, "progress"), *points = json_object_get(s, "points");
+    if (json_integer_value(json_object_get(points, "total")) == 0)
+        return;
     char left[40], low[40], high[40];
     if (progress)
         printf("  %.0f %% done", 100 * json_number_value(json_object_get(progress, "fraction")));
