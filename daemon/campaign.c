@@ -184,6 +184,8 @@ void campaign_run(struct campaign *c, struct campaign_job *job) {
     if (result == 0)
         result = campaign_prepare(c, &e);
     if (result == 0)
+        result = campaign_hold_for_samples(c, &e);
+    if (result == 0)
         result = run_steps(c, &e);
     if (result == 0)
         result = campaign_fit_final(c, &e);

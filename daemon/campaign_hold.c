@@ -87,6 +87,18 @@ int campaign_hold(struct campaign *c, const char *text, bool planned, int64_t re
 
 /* ---- what a person has to do before a reading ---- */
 
+/* A job that waited would otherwise measure what the one before has left in the holder. The simulated person changes
+ * samples by itself. */
+int campaign_hold_for_samples(struct campaign *c, struct err *e) {
+    char text[256];
+    if (!c->current->waited || c->setup.wiring->simulated)
+        return 0;
+    snprintf(text, sizeof text, "Mount the samples of job %s: %s at %s%s", c->job->name,
+             c->job->sample[0].name, c->job->sample[0].holder,
+             c->job->n_samples > 1 ? ", and the others as its plan says" : "");
+    return campaign_hold(c, text, true, 0, e);
+}
+
 static bool turns_an_axis(const struct step *s) {
     return s->target.used[STAGE_SAMPLE];
 }

@@ -37,6 +37,7 @@ struct campaign_job {
     struct job job;
     struct plan plan;
     bool planned; /* job and plan hold something */
+    bool waited;  /* behind another campaign: nobody has just mounted its samples */
 };
 
 struct fit_points; /* campaign_fit.c: the present state of a sample's points */
@@ -218,6 +219,7 @@ int campaign_fit_final(struct campaign *c, struct err *e);
 /* campaign_hold.c */
 int campaign_pause(struct campaign *c, struct err *e);
 int campaign_hold(struct campaign *c, const char *text, bool planned, int64_t retry_us, struct err *e);
+int campaign_hold_for_samples(struct campaign *c, struct err *e);     /* of a job that waited in the queue */
 int campaign_hold_for_step(struct campaign *c, int k, struct err *e); /* mounting and turning by hand */
 
 /* campaign_end.c */

@@ -102,6 +102,7 @@ static void finish(struct campaign *c, const struct desk_order *order, int code,
 
 static void enqueue(struct campaign *c, const struct desk_order *order, struct campaign_job *job) {
     job->number = ++c->last_number;
+    job->waited = c->n_queue > 0 || !campaign_state_is_rest(c->state);
     c->queue[c->n_queue++] = job;
     if (campaign_state_is_rest(c->state))
         c->queue_waits = false;
