@@ -7,6 +7,7 @@
 #define GUESS_US (100 * US_PER_MS)
 #define TRIES 8
 #define TARGET 0.8 /* of saturation, as the job's default */
+#define ANSWER_TEXT 600
 
 static int open_axis(struct campaign *c, const char *name, int *which, struct err *e) {
     *which = stage_axis_find(name);
@@ -157,6 +158,15 @@ static int spectrum(struct campaign *c, const struct desk_manual *m, json_t **ou
 
 /* ---- devices ---- */
 
+static const char *model_title(const struct usb_device_info *info) {
+    int n;
+    const struct spectrometer_model *model = spectrometer_models(&n);
+    for (int i = 0; i < n; i++)
+        if (model[i].vid == info->vid && model[i].pid == info->pid)
+            return model[i].title;
+    return "unknown to goniod";
+}
+
 static json_t *usb_json(void) {
     struct usb_found found[32];
     struct err e = {0};
@@ -164,25 +174,75 @@ static json_t *usb_json(void) {
     int n = usb_link_list(found, 32, &e);
     if (n < 0)
         json_array_append_new(all, json_pack("{s:s}", "error", e.text));
-    for (int i = 0; i < n; i++)
-        json_array_append_new(all, json_pack("{s:i, s:i, s:s, s:s, s:b, s:b}", "vid", found[i].info.vid,
-                                             "pid", found[i].info.pid, "serial", found[i].info.serial, "path",
-                                             found[i].info.path, "can_open", found[i].can_open, "busy",
-                                             found[i].busy));
+    for (int i = 0; i < n; i++) {
+        const struct usb_device_info *info = &found[i].info;
+        json_array_append_new(all,
+                              json_pack("{s:i, s:i, s:s, s:s, s:s, s:b, s:b}", "vid", info->vid, "pid",
+                                        info->pid, "model", model_title(info), "serial", info->serial, "path",
+                                        info->path, "can_open", found[i].can_open, "busy", found[i].busy));
+    }
     return all;
 }
 
+/* One sentence: where it stands, or what keeps it from answering. Negative: cancelled. */
+static int axis_answer(struct campaign *c, int which, char *text, size_t size) {
+    bool uses[STAGE_AXES] = {false};
+    struct axis_status s;
+    struct err e = {0};
+    uses[which] = true;
+    int result = instruments_open_stage(&c->instruments, uses, &e);
+    if (result == 0)
+        result = await_answer(c, which, &e);
+    if (result < 0) {
+        snprintf(text, size, "%s", e.text);
+        return result == -ERR_CANCELLED ? result : 0;
+    }
+    axis_status(c->instruments.stage.axis[which], &s);
+    if (s.alarm)
+        snprintf(text, size, "answers, with alarm %02Xh: %s", (unsigned)s.alarm, s.alarm_text);
+    else
+        snprintf(text, size, "answers: %.3f deg%s", deg_from_udeg(s.position_udeg),
+                 s.valid ? "" : ", position not valid");
+    return 0;
+}
+
+static int axes_answers(struct campaign *c, json_t *all) {
+    for (int a = 0; a < STAGE_AXES; a++) {
+        const struct config_axis *axis = instruments_axis(c->setup.config, a);
+        char text[ANSWER_TEXT];
+        if (axis->kind != CONFIG_AXIS_MOTOR)
+            continue;
+        int result = axis_answer(c, a, text, sizeof text);
+        if (result < 0)
+            return result;
+        json_array_append_new(all, json_pack("{s:s, s:s, s:i, s:s}", "axis", stage_axis_name(a), "link",
+                                             axis->link, "unit", axis->unit, "answer", text));
+    }
+    return 0;
+}
+
+static json_t *spectrometer_answer(struct campaign *c) {
+    struct err e = {0};
+    int result = campaign_ready_spectrometer(c, &e);
+    char text[ANSWER_TEXT];
+    if (result == 0)
+        snprintf(text, sizeof text, "answers: serial number %s",
+                 spectrometer_calibration(c->instruments.spectrometer)->serial);
+    else
+        snprintf(text, sizeof text, "%s", e.text);
+    return json_pack("{s:s, s:s, s:s}", "link", c->setup.config->spectrometer.link, "model",
+                     c->instruments.model->name, "answer", text);
+}
+
 static int devices(struct campaign *c, json_t **out, struct err *e) {
-    struct err opening = {0};
-    json_t *axes = NULL;
-    int result = where(c, &axes, &opening);
-    if (result == -ERR_CANCELLED)
+    json_t *axes = json_array();
+    int result = axes_answers(c, axes);
+    if (result < 0) {
+        json_decref(axes);
         return err_set(e, ERR_CANCELLED, "stopped");
-    *out = json_pack("{s:o, s:o}", "usb", usb_json(), "axes",
-                     axes ? json_incref(json_object_get(axes, "axes")) : json_object());
-    json_decref(axes);
-    if (opening.code)
-        json_object_set_new(*out, "axes_error", json_string(opening.text));
+    }
+    json_t *spectrometer = spectrometer_answer(c);
+    *out = json_pack("{s:o, s:o, s:o}", "usb", usb_json(), "axes", axes, "spectrometer", spectrometer);
     return 0;
 }
 

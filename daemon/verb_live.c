@@ -150,21 +150,29 @@ int verb_move(int argc, char **argv) {
                    "there, and settled");
 }
 
+static const char *word(const json_t *object, const char *key) {
+    return json_string_value(json_object_get(object, key)) ?: "";
+}
+
+static void print_usb(const json_t *d) {
+    if (json_object_get(d, "error")) {
+        printf("  USB: %s\n", word(d, "error"));
+        return;
+    }
+    printf("  USB %s  %s %s%s%s\n", word(d, "path"), word(d, "model"), word(d, "serial"),
+           json_is_false(json_object_get(d, "can_open")) ? ", no permission: install drivers/60-goniod.rules"
+                                                         : "",
+           json_is_true(json_object_get(d, "busy")) ? ", held by another process" : "");
+}
+
 static void print_devices(const json_t *result) {
     size_t i;
-    json_t *d;
-    json_array_foreach(json_object_get(result, "usb"), i, d) printf(
-        "  USB %s  %s %s%s%s\n", json_string_value(json_object_get(d, "path")) ?: "?",
-        json_string_value(json_object_get(d, "model")) ?: "unknown",
-        json_string_value(json_object_get(d, "serial")) ?: "",
-        json_is_false(json_object_get(d, "can_open")) ? ", no permission: install drivers/60-goniod.rules"
-                                                      : "",
-        json_is_true(json_object_get(d, "busy")) ? ", held by another process" : "");
+    json_t *d, *s = json_object_get(result, "spectrometer");
+    json_array_foreach(json_object_get(result, "usb"), i, d) print_usb(d);
+    printf("  %s  spectrometer %s  %s\n", word(s, "link"), word(s, "model"), word(s, "answer"));
     json_array_foreach(json_object_get(result, "axes"), i, d)
-        printf("  %s unit %lld  %s  %s\n", json_string_value(json_object_get(d, "link")) ?: "?",
-               (long long)json_integer_value(json_object_get(d, "unit")),
-               json_string_value(json_object_get(d, "axis")) ?: "?",
-               json_string_value(json_object_get(d, "answer")) ?: "");
+        printf("  %s unit %lld  %s  %s\n", word(d, "link"),
+               (long long)json_integer_value(json_object_get(d, "unit")), word(d, "axis"), word(d, "answer"));
 }
 
 int verb_devices(int argc, char **argv) {

@@ -93,12 +93,13 @@ int verb_commission(int argc, char **argv) {
         const char *question = json_string_value(json_object_get(result, "question"));
         printf("%s%s", text ?: "", text ? "\n" : "");
         bool over = json_is_true(json_object_get(result, "done")) || !question;
+        bool passed = json_is_true(json_object_get(result, "passed"));
         if (!over)
             printf("%s ", question);
         fflush(stdout);
         json_decref(result);
         if (over)
-            return 0;
+            return passed ? 0 : 1;
         if (!fgets(answer, sizeof answer, stdin)) {
             fprintf(stderr, "\ngonioctl: commission: stopped without a result; nothing was recorded\n");
             return 1;
