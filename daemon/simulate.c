@@ -26,7 +26,6 @@ struct simulate {
         struct simulate_surface surface;
     } instead[JOB_SAMPLES];
     int n_instead;
-    bool any_link;
     struct visit *visit;
     int n_visits;
 };
@@ -95,7 +94,6 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     if (!new)
         return err_set(e, ERR_NOMEM, "no memory for the simulated bench");
     new->config = config;
-    new->any_link = options->any_link;
     int result = sim_bench_new(&new->bench, &s, clock, e);
     if (result < 0) {
         free(new);
@@ -118,7 +116,7 @@ void simulate_free(struct simulate *s) {
 static int open_modbus(void *self, const struct modbus_link_config *link, struct modbus_link *out,
                        struct err *e) {
     struct simulate *s = self;
-    if (!s->any_link && strncmp(link->target, "sim:", 4) != 0)
+    if (strncmp(link->target, "sim:", 4) != 0)
         return err_set(e, ERR_INPUT,
                        "link %s is not simulated: with --simulate every axis has link sim:modbus",
                        link->target);
@@ -130,7 +128,7 @@ static int open_usb(void *self, const char *target, const struct spectrometer_mo
     struct simulate *s = self;
     (void)model;
     (void)serial;
-    if (!s->any_link && strncmp(target, "sim:", 4) != 0)
+    if (strncmp(target, "sim:", 4) != 0)
         return err_set(e, ERR_INPUT,
                        "link %s is not simulated: with --simulate the spectrometer has link sim:usb", target);
     return sim_usb_link(s->bench, out, e);

@@ -26,8 +26,7 @@ struct simulate_options {
     uint64_t seed;
     bool quiet; /* no noise, no drift, no draws: for exact tests */
     bool no_drift;
-    bool nominal;  /* zeros as the config states them, the diffuser as its certificate: no draws of those */
-    bool any_link; /* serves whatever links the config names, as a stand-in for that bench */
+    bool nominal; /* zeros as the config states them, the diffuser as its certificate: no draws of those */
 };
 
 int simulate_new(struct simulate **simulate, const struct simulate_options *options,

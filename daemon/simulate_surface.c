@@ -75,12 +75,12 @@ static void spectrum_of(const struct estimate *m, struct simulate_surface *s) {
 int simulate_surface_from_estimate(const struct estimate *m, struct simulate_surface *s, struct err *e) {
     enum reflectance_model model;
     if (*m->refusal || !isfinite(m->value[MATERIAL_S]))
-        return err_set(e, ERR_STATE, "the session has no fitted estimate: %s",
+        return err_set(e, ERR_INPUT, "the session has no fitted estimate: %s",
                        *m->refusal ? m->refusal : "it is not a number");
     if (reflectance_find(m->model, &model, NULL) < 0)
-        return err_set(e, ERR_STATE, "the simulated bench cannot show a surface of the model %s", m->model);
+        return err_set(e, ERR_INPUT, "the simulated bench cannot show a surface of the model %s", m->model);
     if (m->kappa != 1)
-        return err_set(e, ERR_STATE, "the estimate has kappa = %g: fit it again with kappa = 1", m->kappa);
+        return err_set(e, ERR_INPUT, "the estimate has kappa = %g: fit it again with kappa = 1", m->kappa);
     bool rough = model == REFLECTANCE_OREN_NAYAR || model == REFLECTANCE_COMPOSITE;
     bool glossy = model == REFLECTANCE_EQ1 || model == REFLECTANCE_COMPOSITE;
     *s = (struct simulate_surface){.sigma = rough ? m->value[MATERIAL_SIGMA] : SMOOTH_SIGMA,

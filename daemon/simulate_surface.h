@@ -7,8 +7,8 @@
  * Truth      JSON {"S","sigma","gamma","beta_prime","n","kappa":1,"q","mean_nm":[lo,hi],"s_lambda":[81 numbers]}:
  *            S and q are those of the mean over mean_nm (measurement.md 5).
  * Estimate   models composite, eq1, oren-nayar and lambert; bands that were not measured take the nearest measured.
- * Errors     -ERR_INPUT names the key that is missing; -ERR_STATE an estimate that is none, of another model, or in the
- *            paper's convention (kappa is not 1).
+ * Errors     -ERR_INPUT names the key that is missing; an estimate that is none, of another model, or in the paper's
+ *            convention (kappa is not 1).
  * Checked    tests/replay/test_replay_physics.c, tests/unit/test_simulate_surface.c
  */
 #ifndef DAEMON_SIMULATE_SURFACE_H

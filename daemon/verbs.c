@@ -24,6 +24,8 @@ const struct verb VERBS[] = {
      false},
     {"copy", verb_copy, "SESSION FILE", "a whole copy, also while the session is being written", false},
     {"reduce", verb_reduce, "SESSION", "derives all points again from the raw rows and compares", false},
+    {"replay", verb_replay, "SESSION [--against physics] [--surface truth]",
+     "measures a session's job once more on the simulated bench and compares", false},
     {"export", verb_export, "SESSION --format csv|astm|pcapng -o FILE", "for other programs", false},
     {"plot", verb_plot, "SESSION... [-o DIR]", "figures as .svg, .pdf, .csv and .gp", false},
     {"compare", verb_compare, "SESSION...", "fitted parameters with u, and the truth where it is known",

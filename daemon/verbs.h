@@ -72,6 +72,7 @@ int verb_show(int argc, char **argv);
 int verb_verify(int argc, char **argv);
 int verb_copy(int argc, char **argv);
 int verb_reduce(int argc, char **argv);
+int verb_replay(int argc, char **argv);
 int verb_export(int argc, char **argv);
 int verb_plot(int argc, char **argv);
 int verb_compare(int argc, char **argv);

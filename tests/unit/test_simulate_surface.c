@@ -95,17 +95,17 @@ static void estimates_that_are_no_surface_are_refused(void **state) {
     struct err e = {0};
     (void)state;
     struct estimate m = {.model = "composite", .kappa = M_PI};
-    assert_int_equal(simulate_surface_from_estimate(&m, &s, &e), -ERR_STATE);
+    assert_int_equal(simulate_surface_from_estimate(&m, &s, &e), -ERR_INPUT);
     assert_non_null(strstr(e.text, "kappa"));
     err_clear(&e);
     m.kappa = 1;
     strcpy(m.refusal, "too few angles");
-    assert_int_equal(simulate_surface_from_estimate(&m, &s, &e), -ERR_STATE);
+    assert_int_equal(simulate_surface_from_estimate(&m, &s, &e), -ERR_INPUT);
     assert_non_null(strstr(e.text, "too few angles"));
     err_clear(&e);
     *m.refusal = 0;
     strcpy(m.model, "two-lobe");
-    assert_int_equal(simulate_surface_from_estimate(&m, &s, &e), -ERR_STATE);
+    assert_int_equal(simulate_surface_from_estimate(&m, &s, &e), -ERR_INPUT);
     assert_non_null(strstr(e.text, "two-lobe"));
 }
 
