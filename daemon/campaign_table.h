@@ -1,11 +1,10 @@
 /*
- * campaign_table.h — states x commands as data: what a campaign may be told in each state, and where it
- * leads.
+ * campaign_table.h — states x commands as data: what a campaign may be told in each state, and where it leads.
  *
  * One table decides for the socket, for signals and for tests; docs/protocol.md prints it. States are those
  * of design 4. `done`, `aborted`, `failed`, `interrupted` say how the last campaign ended and otherwise
- * behave like `idle`. Checked    tests/unit/test_campaign_table.c walks it whole;
- * tests/scenario/test_campaign.c obeys it.
+ * behave like `idle`.
+ * Checked    tests/unit/test_campaign_table.c walks it whole; tests/scenario/test_campaign.c obeys it.
  */
 #ifndef DAEMON_CAMPAIGN_TABLE_H
 #define DAEMON_CAMPAIGN_TABLE_H

@@ -2,7 +2,8 @@
  * config_keys.h — the tables of keys of goniod.yaml; what config.c reads, checks and prints by.
  *
  * Offsets are into struct config (config_keys) and struct config_axis (the axis tables). An axis is written
- * as `manual`, as {fixed_deg: X}, or as a mapping of config_axis_keys. Checked    tests/unit/test_config.c
+ * as `manual`, as {fixed_deg: X}, or as a mapping of config_axis_keys.
+ * Checked    tests/unit/test_config.c
  */
 #ifndef DAEMON_CONFIG_KEYS_H
 #define DAEMON_CONFIG_KEYS_H

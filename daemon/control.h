@@ -5,9 +5,9 @@
  * puts commands on the desk, and sends events. A client that does not read loses events (and is told how
  * many), never the campaign's time; past its limits it is let go.
  *
- * Access     by the peer's uid and all its groups (SO_PEERCRED, SO_PEERGROUPS): root and goniod's own user
- * may do all; members of an `operate` group may operate and watch; of a `watch` group may watch. Limits 64
- * clients; a line of 64 KiB for who may watch, RPC_LINE_MAX for who may operate; 4 MiB of unread bytes.
+ * Access     by the peer's uid and all its groups (SO_PEERCRED, SO_PEERGROUPS): root and goniod's own user may do
+ *            all; members of an `operate` group may operate and watch; of a `watch` group may watch.
+ * Limits     64 clients; a line of 64 KiB for who may watch, RPC_LINE_MAX for who may operate; 4 MiB of unread bytes.
  * Checked    tests/scenario/test_control.c, tests/wire/test_protocol.py; docs/protocol.md
  */
 #ifndef DAEMON_CONTROL_H

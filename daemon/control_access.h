@@ -2,7 +2,8 @@
  * control_access.h — what the process at the other end of a unix socket may do.
  *
  * Decided by the kernel's word alone: its uid (SO_PEERCRED) and every one of its groups (SO_PEERGROUPS, so
- * that a supplementary group counts), never by what the client says. Checked tests/unit/test_control_access.c
+ * that a supplementary group counts), never by what the client says.
+ * Checked    tests/scenario/test_control.c
  */
 #ifndef DAEMON_CONTROL_ACCESS_H
 #define DAEMON_CONTROL_ACCESS_H

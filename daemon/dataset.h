@@ -1,11 +1,11 @@
 /*
- * dataset.h — one session as plots and comparisons want it: its newest points, its fits over time, its truth
- * if known.
+ * dataset.h — one session as plots and comparisons want it: newest points, fits over time, truth if known.
  *
  * point holds one row per geometry measured: the final one where there is one, else the provisional. Sorted
  * by theta_i, then theta_v. u_total adds independent and common parts in squares. The truth is present in
- * simulated sessions only. Errors     -ERR_IO, -ERR_INPUT as session_open; -ERR_STATE when it holds no point.
- * Checked    tests/unit/test_dataset.c
+ * simulated sessions only.
+ * Errors     -ERR_IO, -ERR_INPUT as session_open; -ERR_STATE when it holds no point.
+ * Checked    tests/scenario/test_plot.c
  */
 #ifndef DAEMON_DATASET_H
 #define DAEMON_DATASET_H

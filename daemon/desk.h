@@ -1,18 +1,17 @@
 /*
- * desk.h — all that the control thread and the campaign thread exchange: orders in, outcomes, snapshot,
- * events out.
+ * desk.h — all that the control thread and the campaign thread exchange: orders in, outcomes, snapshot, events out.
  *
- * Control side   desk_post puts an order and gets a ticket; desk_control_fd becomes readable whenever an
- * outcome, a snapshot or an event is new (read it with desk_control_clear, then ask for all three). Campaign
- * side  a bench service with desk_campaign_fd as its descriptor; desk_take_order inside bench_wait.
+ * Control side   desk_post puts an order and gets a ticket; desk_control_fd becomes readable whenever an outcome,
+ *                a snapshot or an event is new (read it with desk_control_clear, then ask for all three).
+ * Campaign side  a bench service with desk_campaign_fd as its descriptor; desk_take_order inside bench_wait.
  *
  * Bounds         DESK_ORDERS orders from posting until their outcome is taken: the next post is -ERR_BUSY.
- * Every ticket gets exactly one outcome. Events: the newest DESK_EVENTS are kept; an event posted with
- *                `coalesce` replaces an older one of its kind; who reads too slowly is told how many it
- * missed. Promises       no call waits for the other thread beyond a lock held for a few copies of pointers.
- * Ages           the snapshot carries clock stamps of each reading and the stamp at which it was made
- * ("now_us"); age of a reading = now_us - its stamp + time since the snapshot was published. Checked
- * tests/unit/test_desk.c
+ *                Every ticket gets exactly one outcome. Events: the newest DESK_EVENTS are kept; an event posted
+ *                with `coalesce` replaces an older one of its kind; who reads too slowly is told how many it missed.
+ * Promises       no call waits for the other thread beyond a lock held for a few copies of pointers.
+ * Ages           the snapshot carries clock stamps of each reading and the stamp at which it was made ("now_us");
+ *                age of a reading = now_us - its stamp + time since the snapshot was published.
+ * Checked        tests/unit/test_desk.c
  */
 #ifndef DAEMON_DESK_H
 #define DAEMON_DESK_H

@@ -8,8 +8,10 @@
  * (also under a virtual clock, which stands still meanwhile), is killed and the question fails; after
  * ESTIMATOR_RESTARTS failures in a row it is not started again until estimator_forgive.
  *
- * Threads    the campaign thread. Bench    a service; an answer comes in bench_wait.
- * Errors     -ERR_FIT with the reason. Checked    tests/unit/test_estimator.c
+ * Threads    the campaign thread.
+ * Bench      a service; an answer comes in bench_wait.
+ * Errors     -ERR_FIT with the reason.
+ * Checked    tests/unit/test_estimator.c
  */
 #ifndef DAEMON_ESTIMATOR_H
 #define DAEMON_ESTIMATOR_H

@@ -4,7 +4,7 @@
  * The .gp reads the .csv beside it, so that anyone can change it and run `gnuplot NAME.gp` again. Panels are data blocks
  * of the .csv (gnuplot's `index`, two blank lines apart; readers of CSV skip blank lines).
  * Errors     -ERR_IO a file cannot be written, or gnuplot is missing or failed (its own words are on stderr).
- * Checked    tests/unit/test_figure.c
+ * Checked    tests/scenario/test_plot.c
  */
 #ifndef DAEMON_FIGURE_H
 #define DAEMON_FIGURE_H

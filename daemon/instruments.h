@@ -1,16 +1,16 @@
 /*
- * instruments.h — the instruments of one bench as config names them: opened when a plan uses them, closed
- * after.
+ * instruments.h — the instruments of one bench as config names them: opened when a plan uses them, closed after.
  *
  * A wiring says where links come from: the real ones, or the simulated bench (simulate.h); nothing above it
  * can tell which. Axes with the same link share one bus; every bus is wrapped in the recorder, so that each
  * exchange reaches the sessions. Profiles and the spectrometer's model are read once at the start, without
  * touching a device.
  *
- * Position   an axis whose profile has no validity bit is trusted as far as `units` records: what
- * commissioning or home found for that unit, kept in STATE/drives.json with date and hash of the profile;
- * alarm and another profile revoke it (stage-modbus.md 5.3). Errors     -ERR_DEVICE, -ERR_LINK, -ERR_BUSY,
- * -ERR_PERMISSION as the drivers say, naming the instrument. Checked    tests/scenario/test_campaign.c
+ * Position   an axis whose profile has no validity bit is trusted as far as `units` records: what commissioning
+ *            or home found for that unit, kept in STATE/drives.json with date and hash of the profile; alarm and
+ *            another profile revoke it (stage-modbus.md 5.3).
+ * Errors     -ERR_DEVICE, -ERR_LINK, -ERR_BUSY, -ERR_PERMISSION as the drivers say, naming the instrument.
+ * Checked    tests/scenario/test_campaign.c
  */
 #ifndef DAEMON_INSTRUMENTS_H
 #define DAEMON_INSTRUMENTS_H

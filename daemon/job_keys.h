@@ -2,7 +2,8 @@
  * job_keys.h — the tables of keys of job.yaml; what job.c reads, checks and prints by.
  *
  * Offsets are into struct job (job_keys) and struct job_sample (job_sample_keys). A list of angles is written
- * as numbers or as a mapping of job_range_keys. Checked    tests/unit/test_job.c
+ * as numbers or as a mapping of job_range_keys.
+ * Checked    tests/unit/test_job.c
  */
 #ifndef DAEMON_JOB_KEYS_H
 #define DAEMON_JOB_KEYS_H

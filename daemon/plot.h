@@ -10,7 +10,7 @@
  *
  * The incidence nearest to 40 deg that was measured is used and named. A session without a fit is left out of the
  * figures that need one, and said so on stderr.
- * Checked    tests/scenario/test_plot.sh
+ * Checked    tests/scenario/test_plot.c
  */
 #ifndef DAEMON_PLOT_H
 #define DAEMON_PLOT_H

@@ -36,8 +36,8 @@
 #include "proto/certificate.h"
 #include "proto/session.h"
 
-#define REDUCE_SNR_MIN                                                                                       \
-    10.0 /* below it a reference band says less than its neighbours' spread over a paint's edge */
+/* Below it a reference band says less than its neighbours' spread over a paint's edge. */
+#define REDUCE_SNR_MIN 10.0
 
 struct reduce_setup {
     struct calibration calibration;

@@ -1,9 +1,9 @@
 #include "daemon/reduce_internal.h"
 
-#define PRIOR_WEIGHT                                                                                         \
-    2 /* brackets the prior is worth, and how many must have closed before the data are heard */
-#define SMOOTH_BANDS                                                                                         \
-    4 /* to either side: one bracket gives one degree of freedom a band, the lamp is smooth */
+/* Brackets the prior is worth, and how many must have closed before the data are heard. */
+#define PRIOR_WEIGHT 2
+/* To either side: one bracket gives one degree of freedom a band, the lamp is smooth. */
+#define SMOOTH_BANDS 4
 #define FLOOR_SHARE 0.01 /* of the prior: a few lucky brackets must not make the lamp perfect */
 
 int mean_first_band(const struct reduce_setup *setup) {

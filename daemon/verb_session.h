@@ -4,7 +4,7 @@
  * The folder: --sessions, else GONIOD_SESSIONS, else /var/lib/goniod/sessions where it exists, else
  * $XDG_DATA_HOME/goniod, else ~/.local/share/goniod. The ending .gonio may be left out.
  * Errors     -ERR_USAGE there is no such session; the sentence says where it was looked for.
- * Checked    tests/unit/test_verb_session.c
+ * Checked    tests/unit/test_verbs_offline.c
  */
 #ifndef DAEMON_VERB_SESSION_H
 #define DAEMON_VERB_SESSION_H

@@ -1,13 +1,13 @@
 /*
- * verbs.h — every verb of gonioctl: `int verb_NAME(argc, argv)` with argv[0] the verb, returning the exit
- * status.
+ * verbs.h — every verb of gonioctl: `int verb_NAME(argc, argv)` with argv[0] the verb, returning the exit status.
  *
  * Exit status: 0 done, 1 the work failed, 2 bad usage or bad input (nothing was started). Results go to
  * stdout, messages to stderr; with --json one object on stdout. Live verbs speak to goniod's socket; the
  * others open the session read-only and need no daemon.
  *
  * verb_parse reads the options all verbs share (--socket, --sessions, --json, --help) and the verb's own by
- * its table. Checked    tests/unit/test_verbs.c, tests/wire/test_gonioctl.sh
+ * its table.
+ * Checked    tests/unit/test_verbs_offline.c, tests/scenario/test_control.c
  */
 #ifndef DAEMON_VERBS_H
 #define DAEMON_VERBS_H

@@ -7,13 +7,14 @@
  * one job).
  *
  * Ids        exposures and points are numbered by the caller, counting from what the file holds; the writer
- * checks that the file gives them the same number. Exchanges  are buffered and commit with the next fact, at
- * most 1 s old. (Virtual time runs a thousand times faster than the disk, so there the same second is 1,000
- * s.) Failure    the first one (-ERR_FULL, -ERR_IO) ends all writing: the open transactions are rolled back
- * whole, every ticket completes, writer_failure says why. What was durable stays durable. Bench      a
- * service: virtual time stands still while a commit is outstanding. Threads    all calls from the campaign
- * thread. One writer per campaign. Checked    tests/unit/test_writer.c, tests/scenario/test_campaign.c,
- * tests/crash/
+ *            checks that the file gives them the same number.
+ * Exchanges  are buffered and commit with the next fact, at most 1 s old. (Virtual time runs a thousand times
+ *            faster than the disk, so there the same second is 1,000 s.)
+ * Failure    the first one (-ERR_FULL, -ERR_IO) ends all writing: the open transactions are rolled back whole,
+ *            every ticket completes, writer_failure says why. What was durable stays durable.
+ * Bench      a service: virtual time stands still while a commit is outstanding.
+ * Threads    all calls from the campaign thread. One writer per campaign.
+ * Checked    tests/unit/test_writer.c, tests/scenario/test_campaign.c, tests/crash/
  */
 #ifndef DAEMON_WRITER_H
 #define DAEMON_WRITER_H

@@ -2,9 +2,8 @@
 
 #include "drivers/axis_inside.h"
 
-#define START_LAG_US                                                                                         \
-    (5 * US_PER_MS)                    /* MOVE rises and falls 2 ms late, stage-modbus.md 1.7, and the query \
-                                        */
+/* MOVE rises and falls 2 ms late, stage-modbus.md 1.7, and the query */
+#define START_LAG_US (5 * US_PER_MS)
 #define LIMIT_MARGIN_US (2 * US_PER_S) /* a move may take half as long again, and this */
 #define STALL_US US_PER_S              /* stage-modbus.md 5.3 rule 10 */
 #define STALL_POLLS 5

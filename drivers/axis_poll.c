@@ -8,10 +8,8 @@
 #define LOST_US (2 * US_PER_S) /* a reading older than this while the bus is quarantined again and again */
 #define MUTE_RETRY_US US_PER_S /* a unit that stays mute must not eat the bus of the others .. */
 #define MUTE_RETRY_MAX_US (10 * US_PER_S)
-#define LINK_RETRY_US                                                                                        \
-    (10 *                                                                                                    \
-     US_PER_MS) /* .. nor a link spin that says "not now" without saying until when                     \
-                      */
+/* .. nor a link spin that says "not now" without saying until when */
+#define LINK_RETRY_US (10 * US_PER_MS)
 
 int64_t axis_raw_from_user(const struct axis *a, int32_t udeg) {
     const struct profile *p = a->profile;

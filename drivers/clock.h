@@ -6,8 +6,9 @@
  * UTC is written down, never decided by.
  *
  * Virtual time moves only through clock_advance, which only bench_wait calls. A virtual clock's UTC is a
- * fixed epoch plus its time, so that a simulated session has the same bytes every time. Threads    one: the
- * campaign thread. Other threads read published snapshots. Checked    tests/unit/test_clock.c
+ * fixed epoch plus its time, so that a simulated session has the same bytes every time.
+ * Threads    one: the campaign thread. Other threads read published snapshots.
+ * Checked    tests/unit/test_clock.c
  */
 #ifndef DRIVERS_CLOCK_H
 #define DRIVERS_CLOCK_H

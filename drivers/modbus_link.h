@@ -10,8 +10,9 @@
  * still come). A request is never repeated by the link.
  *
  * Errors     -ERR_TIMEOUT no reply; -ERR_LINK not connected; -ERR_BUSY in quarantine; -ERR_DEVICE the unit
- * answered with an exception (request->exception says which); -ERR_IO anything else. In each case regs are
- * unspecified. Checked    tests/unit/test_modbus_link.c, tests/wire/
+ *            answered with an exception (request->exception says which); -ERR_IO anything else. In each case
+ *            regs are unspecified.
+ * Checked    tests/unit/test_modbus_link.c, tests/wire/
  */
 #ifndef DRIVERS_MODBUS_LINK_H
 #define DRIVERS_MODBUS_LINK_H

@@ -7,9 +7,8 @@
 #include "drivers/spectrometer_wire.h"
 #include "proto/units.h"
 
-#define PROBE_EXPOSURE_US                                                                                    \
-    10000 /* short, and above what Flame-S times badly (spectrometer-ocean.md 8, 14)   \
-                                 */
+/* Short, and above what Flame-S times badly (spectrometer-ocean.md 8, 14). */
+#define PROBE_EXPOSURE_US 10000
 #define INITIALISE_US (100 * US_PER_MS) /* pause after 01 (section 3) */
 #define SETTING_US (10 * US_PER_MS)     /* pause before a setting is read again (3.1) */
 #define SETTING_TRIES 3

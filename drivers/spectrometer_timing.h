@@ -12,7 +12,8 @@
  * The longest of these is the frame's start_us; its end_us is its completion. The reasoning for each model is
  * in the .c file.
  *
- * Units      us of the bench clock. Domain: any order of calls; before the first frame nothing is known.
+ * Units      us of the bench clock.
+ * Domain     any order of calls; before the first frame nothing is known.
  * Checked    tests/unit/test_spectrometer_timing.c: both free-run models at random, never one start too late
  */
 #ifndef DRIVERS_SPECTROMETER_TIMING_H

@@ -22,8 +22,8 @@
 #include "proto/err.h"
 
 #define SPECTROMETER_WIRE_SLOT 15 /* data bytes of an EEPROM slot */
-#define SPECTROMETER_WIRE_FRAME                                                                              \
-    8192                            /* head and tail of the longest frame, each rounded up to whole packets */
+/* Head and tail of the longest frame, each rounded up to whole packets. */
+#define SPECTROMETER_WIRE_FRAME 8192
 #define SPECTROMETER_WIRE_REPLY 512 /* a whole packet also where endpoint 81 declares 512 */
 
 struct spectrometer_wire {

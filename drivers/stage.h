@@ -1,11 +1,10 @@
 /*
- * stage.h — the goniometer as a whole: source, sample and holder axes, moved together and kept out of each
- * other's way.
+ * stage.h — the goniometer as a whole: source, sample and holder axes, moved together and apart from each other.
  *
  * source axis = theta_i + theta_v, sample axis = theta_v, from the sensor's optical axis (design 5). A stage
  * move starts every axis that has to move and waits for all; limits and keep-out zones are checked for the
- * targets and for the path the axes sweep before anything starts. Checked    tests/unit/test_stage.c,
- * tests/scenario/test_motion.c
+ * targets and for the path the axes sweep before anything starts.
+ * Checked    tests/unit/test_stage.c, tests/scenario/test_motion.c
  */
 #ifndef DRIVERS_STAGE_H
 #define DRIVERS_STAGE_H

@@ -77,9 +77,9 @@ int usb_link_open_redir(struct usb_link *link, const char *where, uint16_t vid, 
 
 /* What the config key spectrometer.link and serial choose. target: "usb", "usbredir:unix:PATH",
  * "usbredir:tcp:HOST:PORT". vid/pid choose among devices; serial (EEPROM serial is read by the driver, so
- * here only a bus path or iSerial can choose) may be NULL. Errors     -ERR_DEVICE absent or another model;
- * -ERR_PERMISSION (names the udev rule); -ERR_BUSY claimed by another process; -ERR_LINK the redirection host
- * does not answer. */
+ * here only a bus path or iSerial can choose) may be NULL.
+ * Errors     -ERR_DEVICE absent or another model; -ERR_PERMISSION (names the udev rule); -ERR_BUSY claimed by another
+ *            process; -ERR_LINK the redirection host does not answer. */
 int usb_link_open(struct usb_link *link, const char *target, uint16_t vid, uint16_t pid, const char *serial,
                   struct clock *clock, struct err *e);
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #define BETA_MAX 1e12 /* far above any lobe (beta' 1e6 at grazing); keeps squares finite */
-#define FLOOR_RELATIVE                                                                                       \
-    1e-5 /* no visible mean is known better: counting alone leaves 1e-4 (measurement.md 6) */
+/* No visible mean is known better: counting alone leaves 1e-4 (measurement.md 6). */
+#define FLOOR_RELATIVE 1e-5
 #define FLOOR_ABSOLUTE 1e-7
 
 static int check_point(const struct estimate_input *in, size_t i, struct err *e) {

@@ -3,9 +3,9 @@
  *
  * Minimises sum of ((model - beta) root_weight)^2 over x (coordinates.h) inside the bounds, from a start,
  * with any of the coordinates held. The only file that knows Ceres; its logging is silenced and its inputs
- * are checked before it sees them, since some bad input makes it end the process. Errors     -ERR_FIT the
- * solver failed (its own words); -ERR_NOMEM. Checked    tests/unit/test_estimate.c,
- * tests/unit/test_estimate_input.c
+ * are checked before it sees them, since some bad input makes it end the process.
+ * Errors     -ERR_FIT the solver failed (its own words); -ERR_NOMEM.
+ * Checked    tests/unit/test_estimate.c, tests/unit/test_estimate_input.c
  */
 #ifndef FIT_SOLVE_H
 #define FIT_SOLVE_H

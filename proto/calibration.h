@@ -3,9 +3,10 @@
  *
  * lambda(p) = c0 + c1 p + c2 p^2 + c3 p^3 nm, p = 0-based index in the stream including dark pixels.
  * scaled = raw * 65535 / saturation; S' = scaled - mean of the dark pixels of the same scan;
- * linear = S' / P(S'), P = sum of nonlinearity[k] S'^k (spectrometer-ocean.md 5). An unprogrammed or absurd
- * polynomial (not finite, P(0) outside 0.5..1.5, P <= 0 in range) is replaced by 1 and `nonlinearity_used` is
- * false. Stored in the session, so that a reduction needs no device. Checked    tests/unit/test_calibration.c
+ * linear = S' / P(S'), P = sum of nonlinearity[k] S'^k (spectrometer-ocean.md 5). With an unprogrammed or absurd
+ * polynomial (not finite, P(0) outside 0.5..1.5, P <= 0 in range) nonlinearity_used is false and P is 1. Stored in
+ * the session, so that a reduction needs no device.
+ * Checked    tests/unit/test_calibration.c
  */
 #ifndef PROTO_CALIBRATION_H
 #define PROTO_CALIBRATION_H

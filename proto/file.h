@@ -2,8 +2,9 @@
  * file.h — a whole file into memory, with a limit, and a clear sentence when that cannot be.
  *
  * Only regular files: a directory, a device or a pipe is refused at once and nothing blocks. *text is
- * malloc'd and has a NUL after its *size bytes. Errors     -ERR_IO with errno; -ERR_INPUT not a regular file,
- * or longer than limit bytes. Checked    tests/unit/test_file.c
+ * malloc'd and has a NUL after its *size bytes.
+ * Errors     -ERR_IO with errno; -ERR_INPUT not a regular file, or longer than limit bytes.
+ * Checked    tests/unit/test_file.c
  */
 #ifndef PROTO_FILE_H
 #define PROTO_FILE_H

@@ -1,17 +1,17 @@
 /*
- * material.h — what an estimation says about a surface: parameters, their covariance, and the spectrum
- * S(lambda).
+ * material.h — what an estimation says about a surface: parameters, their covariance, and the spectrum S(lambda).
  *
  * The one struct handed from estimation to session, status and rendering, with its JSON form (design 10).
  * kappa, q and the wavelength range travel with every parameter set. Standard uncertainties are totals unless
  * a name says otherwise: std^2 = statistical + common, on the diagonal.
  *
  * Shapes     value[], at_bound[], ... and rows and columns of the covariances are indexed by enum
- *            material_parameter; only those of the model (material_parameter_name is not NULL) have a
- * meaning. JSON       matrices (correlation, covariance_statistical, covariance_common) have their rows in
- * the order of "order"; the covariances, range and spectrum keep to the last bit what the rest shows in
- * short. NaN is null, an infinite number the text "inf" or "-inf". Errors     estimate_from_json: -ERR_INPUT
- * naming the key; *estimate is then unspecified. Checked    tests/unit/test_material.c
+ *            material_parameter; only those of the model (material_parameter_name is not NULL) have a meaning.
+ * JSON       matrices (correlation, covariance_statistical, covariance_common) have their rows in the order of
+ *            "order"; the covariances, range and spectrum keep to the last bit what the rest shows in short. NaN is
+ *            null, an infinite number the text "inf" or "-inf".
+ * Errors     estimate_from_json: -ERR_INPUT naming the key; *estimate is then unspecified.
+ * Checked    tests/unit/test_material.c
  */
 #ifndef PROTO_MATERIAL_H
 #define PROTO_MATERIAL_H

@@ -1,18 +1,17 @@
 /*
  * rpc.h — JSON-RPC 2.0, one object a line, over goniod's socket: the messages of both sides and the client.
  *
- * A request {"jsonrpc":"2.0","id":1,"method":"status","params":{}} gets {"jsonrpc":"2.0","id":1,"result":...}
- * or
+ * A request {"jsonrpc":"2.0","id":1,"method":"status","params":{}} gets {"jsonrpc":"2.0","id":1,"result":...} or
  * {"jsonrpc":"2.0","id":1,"error":{"code":-32002,"message":"one sentence","data":{...}}}. Events are requests
  * without an id: {"jsonrpc":"2.0","method":"event","params":{...}}. docs/protocol.md lists the methods.
  *
- * Codes      -32700 not JSON, -32600 not a request, -32601 no such method, -32602 wrong parameters; -32000 -
- * enum err_code for goniod's own, data.code names it, data.errors lists file, line, column, text of each
- * mistake. Domain     a line of at most RPC_LINE_MAX bytes, UTF-8, ends with \n. Threads    a struct
- * rpc_client belongs to one thread. A call waits until goniod has been
- *            silent for silence_ms, -1 = for ever (clients only; goniod's server lives in
- * daemon/control.c and never blocks). Checked    tests/unit/test_rpc.c, tests/wire/test_protocol.py,
- * tests/fuzz/fuzz_rpc.c
+ * Codes      -32700 not JSON, -32600 not a request, -32601 no such method, -32602 wrong parameters;
+ *            -32000 - enum err_code for goniod's own, data.code names it, data.errors lists file, line, column,
+ *            text of each mistake.
+ * Domain     a line of at most RPC_LINE_MAX bytes, UTF-8, ends with \n.
+ * Threads    a struct rpc_client belongs to one thread. A call waits until goniod has been silent for silence_ms,
+ *            -1 = for ever (clients only; goniod's server lives in daemon/control.c and never blocks).
+ * Checked    tests/unit/test_rpc.c, tests/wire/test_protocol.py, tests/fuzz/fuzz_rpc.c
  */
 #ifndef PROTO_RPC_H
 #define PROTO_RPC_H

@@ -1,7 +1,7 @@
 #include "sim/ocean.h"
 
-#define SHUTTER_MODE_US                                                                                      \
-    3800 /* below it the CCD of a USB4000 cannot run back to back: >= 3 read-outs a frame */
+/* Below it the CCD of a USB4000 cannot run back to back: >= 3 read-outs a frame (spectrometer-ocean.md 4). */
+#define SHUTTER_MODE_US 3800
 
 static bool three_frames(const struct ocean *o) {
     return o->model->pixels == 2048;

@@ -58,9 +58,6 @@ struct sim_config {
     uint64_t seed;
     char spectrometer[24]; /* usb2000plus | usb4000 */
     char serial[24];
-#define SIM_AXES 4
-#define SIM_POSITIONS 8
-
     enum sim_filling filling;
     double beam_mm, view_mm;
     double lamp_drift_rate; /* relative variance per second */

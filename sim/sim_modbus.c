@@ -3,9 +3,8 @@
 
 #include "sim/sim_bench.h"
 
-#define QUARANTINE_US                                                                                        \
-    300000 /* silence after a missing reply, as the om-az bus keeps it: stage-modbus.md 3  \
-                              */
+/* Silence after a missing reply, as the om-az bus keeps it: stage-modbus.md 3. */
+#define QUARANTINE_US 300000
 
 struct sim_modbus {
     struct sim_bench *bench;
