@@ -18,7 +18,6 @@
 #include "proto/profile.h"
 #include "proto/units.h"
 
-#define AXIS_BLOCKS 8
 #define AXIS_FAST 5 /* polls per moving_ms while something is about to happen */
 
 enum axis_task { TASK_NONE, TASK_MOVE, TASK_HOME, TASK_RESET, TASK_STOP };
@@ -55,7 +54,7 @@ struct axis {
 
     /* what was read */
     int n_blocks;
-    struct axis_block block[AXIS_BLOCKS];
+    struct axis_block block[PROFILE_REGS];
     int64_t value[PROFILE_REGS];
     uint32_t shadow[PROFILE_REGS]; /* command words as goniod wants them */
     int64_t read_us, demand_us;    /* stamps; INT64_MIN = never */

@@ -11,16 +11,22 @@
 /* .. nor a link spin that says "not now" without saying until when */
 #define LINK_RETRY_US (10 * US_PER_MS)
 
+/* Beyond the limits of every axis, and near enough that differences with a place inside them fit into 32 bits. */
+#define FAR_UDEG 1500000000
+
 int64_t axis_raw_from_user(const struct axis *a, int32_t udeg) {
     const struct profile *p = a->profile;
     int64_t raw_udeg = a->config.direction * ((int64_t)udeg + a->config.zero_udeg);
     return llround((double)raw_udeg * p->scale.steps_per_deg / UDEG_PER_DEG) * p->scale.sign;
 }
 
+/* A reading from far outside stays far outside: cut to 32 bits, a turn count or swapped words of just the wrong
+ * size would look like a place within the limits. */
 int32_t axis_user_from_raw(const struct axis *a, int64_t raw) {
     const struct profile *p = a->profile;
     int64_t raw_udeg = llround((double)(raw * p->scale.sign) * UDEG_PER_DEG / p->scale.steps_per_deg);
-    return (int32_t)(a->config.direction * raw_udeg - a->config.zero_udeg);
+    int64_t udeg = a->config.direction * raw_udeg - a->config.zero_udeg;
+    return udeg > FAR_UDEG ? FAR_UDEG : udeg < -FAR_UDEG ? -FAR_UDEG : (int32_t)udeg;
 }
 
 static int by_address(const void *a, const void *b) {
@@ -62,7 +68,7 @@ void axis_plan_blocks(struct axis *a) {
         bool alone = p->reg_alarm >= 0 && !wanted[p->reg_alarm] && reg[i].addr == p->reg[p->reg_alarm].addr;
         if (last && last->addr + last->count == reg[i].addr && last->count + reg[i].count <= p->link.max_read)
             last->count += reg[i].count;
-        else if (!alone && a->n_blocks < AXIS_BLOCKS)
+        else if (!alone)
             a->block[a->n_blocks++] = reg[i];
     }
 }

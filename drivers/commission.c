@@ -130,12 +130,12 @@ static int check_words(struct commission *c, struct err *e) {
 
 /* --- small moves ------------------------------------------------------------------------------------------- */
 
-/* Towards the middle of the travel, and never more than a quarter of it. */
+/* Towards the middle of the travel, and so short that the move to be stopped, which goes on from its end, stays
+ * within the travel too. */
 static int32_t small_way(const struct axis *a) {
     int64_t middle = ((int64_t)a->config.low_udeg + a->config.high_udeg) / 2;
-    int32_t way = udeg_from_deg(COMMISSION_MOVE_DEG),
-            quarter = (a->config.high_udeg - a->config.low_udeg) / 8;
-    way = way < quarter ? way : quarter;
+    int32_t way = udeg_from_deg(COMMISSION_MOVE_DEG), most = (a->config.high_udeg - a->config.low_udeg) / 8;
+    way = way < most ? way : most;
     return a->position_udeg <= middle ? way : -way;
 }
 

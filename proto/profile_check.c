@@ -78,10 +78,27 @@ static void resolve_condition(struct check *c, struct profile_condition *k) {
     k->is = c->p->bit[bit].is;
 }
 
+/* A word of 16 bit would silently lose the upper half: the axis would go somewhere else, or at another speed. */
+static void check_word(struct check *c, const struct profile_step *step, const struct profile_word *word,
+                       const char *seq) {
+    if (step->wide || word->half != PROFILE_WHOLE || word->variable == PROFILE_CONSTANT)
+        return;
+    int32_t raw = word->variable == PROFILE_SPEED ? profile_raw_speed(c->p) : profile_raw_accel(c->p);
+    if (word->variable == PROFILE_TARGET)
+        mistake(c, step->line, step->column, "%s: $target is 32 bit wide; write $target.hi and $target.lo",
+                seq);
+    else if (raw > UINT16_MAX)
+        mistake(c, step->line, step->column,
+                "%s: the raw value %d of speed or acceleration does not fit into 16 bit; write .hi and .lo",
+                seq, raw);
+}
+
 static void resolve_step(struct check *c, struct profile_step *step, const char *seq) {
     int words = step->n_words * (step->wide ? 2 : 1);
     if (words > c->p->link.max_write)
         mistake(c, step->line, step->column, "%s writes more registers than link.max_write", seq);
+    for (int i = 0; i < step->n_words; i++)
+        check_word(c, step, &step->word[i], seq);
     if (step->reg_name[0]) {
         step->reg = find_reg(c->p, step->reg_name);
         if (step->reg < 0)
@@ -110,6 +127,13 @@ static void resolve_sequences(struct check *c) {
                     profile_seq_name(s));
 }
 
+static bool raw_accel_fits(const struct profile *p) {
+    bool time = p->scale.accel.kind == PROFILE_ACCEL_MS_PER_1000RPM;
+    double raw =
+        time ? 1e6 / (p->accel_deg_s2 * p->scale.speed.factor) : p->accel_deg_s2 * p->scale.accel.factor;
+    return p->scale.accel.kind == PROFILE_ACCEL_NONE || (raw >= 0.5 && raw <= INT32_MAX);
+}
+
 static void check_figures(struct check *c) {
     const struct profile *p = c->p;
     if (p->reg_position < 0)
@@ -118,6 +142,10 @@ static void check_figures(struct check *c) {
         mistake(c, 0, 0, "status has neither moving nor inpos: the end of a move could not be seen");
     if (p->scale.sign == 0)
         mistake(c, 0, 0, "scale.sign is +1 or -1");
+    if (fabs(p->speed_deg_s * p->scale.speed.factor) > INT32_MAX || profile_raw_speed(p) == 0)
+        mistake(c, 0, 0, "speed_deg_s times scale.speed.factor must round to 1 .. 2147483647");
+    if (!raw_accel_fits(p))
+        mistake(c, 0, 0, "accel_deg_s2 by scale.accel must round to 1 .. 2147483647");
     if (p->speed_deg_s > p->max_speed_deg_s)
         mistake(c, 0, 0, "speed_deg_s is above max_speed_deg_s");
     if (p->accel_deg_s2 > p->max_accel_deg_s2)
