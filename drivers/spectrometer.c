@@ -108,13 +108,7 @@ static int send_trigger(struct spectrometer *s, const struct cancel *cancel, str
     return set_verified(s, (uint8_t[]){0x0a, 0x00, 0x00}, 3, trigger_is, 0, cancel, e);
 }
 
-int spectrometer_set_exposure(struct spectrometer *s, int exposure_us, const struct cancel *cancel,
-                              struct err *e) {
-    const struct spectrometer_model *m = s->model;
-    if (exposure_us < m->min_exposure_us || exposure_us > m->max_exposure_us)
-        return err_set(e, ERR_RANGE, "an integration time of %d us is outside %d..%d us of the %s",
-                       exposure_us, m->min_exposure_us, m->max_exposure_us, m->title);
-    int us = spectrometer_round_exposure(exposure_us);
+static int order_exposure(struct spectrometer *s, int us, const struct cancel *cancel, struct err *e) {
     if (us == s->timing.exposure_us && s->timing.changed_us != CLOCK_NEVER)
         return 0;
     spectrometer_timing_change(&s->timing, us, CLOCK_NEVER); /* a frame under way may have either */
@@ -124,7 +118,7 @@ int spectrometer_set_exposure(struct spectrometer *s, int exposure_us, const str
     return rc;
 }
 
-int spectrometer_set_lamp(struct spectrometer *s, bool on, const struct cancel *cancel, struct err *e) {
+static int order_lamp(struct spectrometer *s, bool on, const struct cancel *cancel, struct err *e) {
     if (on == s->lamp && s->lamp_us != CLOCK_NEVER)
         return 0;
     s->lamp = on;
@@ -135,6 +129,34 @@ int spectrometer_set_lamp(struct spectrometer *s, bool on, const struct cancel *
     return rc;
 }
 
+static int recover(struct spectrometer *s, const struct cancel *cancel, struct err *e);
+
+/* A command or its reply that went wrong on the wire needs the ladder as a frame does: an endpoint that stalls is
+ * not freed by asking again. Its probe ends with both settings ordered anew. */
+static int after_order(struct spectrometer *s, int rc, const struct err *why, const struct cancel *cancel,
+                       struct err *e) {
+    if (rc == -ERR_TIMEOUT || rc == -ERR_IO)
+        return recover(s, cancel, e);
+    return rc ? err_set(e, -rc, "%s", why->text) : 0;
+}
+
+int spectrometer_set_exposure(struct spectrometer *s, int exposure_us, const struct cancel *cancel,
+                              struct err *e) {
+    const struct spectrometer_model *m = s->model;
+    struct err why = {0};
+    if (exposure_us < m->min_exposure_us || exposure_us > m->max_exposure_us)
+        return err_set(e, ERR_RANGE, "an integration time of %d us is outside %d..%d us of the %s",
+                       exposure_us, m->min_exposure_us, m->max_exposure_us, m->title);
+    int rc = order_exposure(s, spectrometer_round_exposure(exposure_us), cancel, &why);
+    return after_order(s, rc, &why, cancel, e);
+}
+
+int spectrometer_set_lamp(struct spectrometer *s, bool on, const struct cancel *cancel, struct err *e) {
+    struct err why = {0};
+    int rc = order_lamp(s, on, cancel, &why);
+    return after_order(s, rc, &why, cancel, e);
+}
+
 int spectrometer_temperature(struct spectrometer *s, double *celsius, struct err *e) {
     return spectrometer_wire_temperature(&s->wire, celsius, e);
 }
@@ -142,8 +164,8 @@ int spectrometer_temperature(struct spectrometer *s, double *celsius, struct err
 /* What was ordered and could not be verified, or was lost in a reset, is ordered again before a frame counts.
  */
 static int renew_settings(struct spectrometer *s, const struct cancel *cancel, struct err *e) {
-    int rc = spectrometer_set_lamp(s, s->lamp, cancel, e);
-    return rc ? rc : spectrometer_set_exposure(s, s->timing.exposure_us, cancel, e);
+    int rc = order_lamp(s, s->lamp, cancel, e);
+    return rc ? rc : order_exposure(s, s->timing.exposure_us, cancel, e);
 }
 
 /* ---- frames ---- */
@@ -324,7 +346,9 @@ void spectrometer_close(struct spectrometer *s) {
 int spectrometer_acquire(struct spectrometer *s, int n, int64_t not_before_us, struct frame *frames,
                          const struct cancel *cancel, struct err *e) {
     struct err why = {0};
-    int rc = s->sound ? renew_settings(s, cancel, e) : recover(s, cancel, e);
+    int rc =
+        s->sound ? after_order(s, renew_settings(s, cancel, &why), &why, cancel, e) : recover(s, cancel, e);
+    err_clear(&why);
     if (rc == 0 && not_before_us > stamp(s))
         rc = pause_for(s, not_before_us - clock_now_us(s->bench->clock), cancel, e);
     if (rc)

@@ -14,7 +14,8 @@
  * read-out + 1 s.
  *
  * Errors     -ERR_TIMEOUT    no frame in time; the recovery ladder (drain, re-initialise, clear-halt, one reset) has
- *                             been run and a probe frame was good: repeat the set
+ *                             been run and a probe frame was good: repeat the set. A setting that is lost on the
+ *                             wire climbs it too, and then is in force
  *            -ERR_IO         a frame that is none: length, sync byte, all pixels equal, stall, babble; likewise
  *            -ERR_DEVICE     the ladder failed: it needs a power cycle; or another model; or a blank EEPROM
  *            -ERR_LINK       gone from the bus: close both, open both again

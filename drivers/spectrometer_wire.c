@@ -9,6 +9,8 @@
 #define EP_TAIL 0x82
 #define EP_HEAD 0x86
 #define EP_REPLY 0x81
+#define FULL_SPEED 64 /* bytes a packet of the spectrum, spectrometer-ocean.md 2.1 */
+#define HIGH_SPEED 512
 #define OP_SLOT 0x05 /* spectrometer-ocean.md 3 */
 #define OP_REQUEST 0x09
 #define OP_TEMPERATURE 0x6c
@@ -44,7 +46,12 @@ int spectrometer_wire_init(struct spectrometer_wire *w, const struct spectromete
     *w = (struct spectrometer_wire){.link = link, .bench = bench, .model = model};
     if (!usb_link_has(link, EP_COMMAND) || !usb_link_has(link, EP_REPLY) || !usb_link_has(link, EP_TAIL))
         return err_set(e, ERR_DEVICE, "the USB device lacks endpoint 01, 81 or 82: no %s", model->title);
-    bool high_speed = usb_link_max_packet(link, EP_TAIL) > 64; /* spectrometer-ocean.md 2.1 */
+    int packet = usb_link_max_packet(link, EP_TAIL);
+    if (packet != FULL_SPEED && packet != HIGH_SPEED) /* the frame buffer is made for these */
+        return err_set(e, ERR_DEVICE,
+                       "endpoint 82 of the USB device has packets of %d bytes, a %s has %d or %d", packet,
+                       model->title, FULL_SPEED, HIGH_SPEED);
+    bool high_speed = packet == HIGH_SPEED;
     w->head_bytes = high_speed ? model->head_bytes : 0;
     if (w->head_bytes && !usb_link_has(link, EP_HEAD))
         return err_set(e, ERR_DEVICE, "the USB device lacks endpoint 86: no %s", model->title);

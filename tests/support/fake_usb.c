@@ -56,7 +56,7 @@ static void request(struct fake_usb *f) {
     else if (f->fault_count > 0)
         f->fault_count--;
     if (f->fault == FAKE_STALL)
-        f->halted = true;
+        f->halted = 0x82;
     else if (f->fault == FAKE_UNPLUGGED)
         f->gone = true;
     else if (f->fault != FAKE_SILENT)
@@ -157,7 +157,7 @@ static void drop_packet(struct fake_usb *f, int at) {
 /* What has arrived for one read; true if that ends it. */
 static bool fill(struct fake_usb *f, struct usb_transfer *t, int *status) {
     int at;
-    *status = f->gone ? -ENODEV : f->halted && t->endpoint == 0x82 ? -EPIPE : 0;
+    *status = f->gone ? -ENODEV : t->endpoint == f->halted ? -EPIPE : 0;
     if (*status)
         return true;
     while ((at = next_packet(f, t->endpoint)) >= 0 && f->packet[at].at_us <= clock_now_us(&f->clock)) {
@@ -206,7 +206,7 @@ static int clear_halt(void *self, uint8_t endpoint, struct err *e) {
     (void)e;
     snprintf(text, sizeof text, "halt %02x", endpoint);
     note(f, text);
-    f->halted = f->halted && endpoint != 0x82;
+    f->halted = f->halted == endpoint ? 0 : f->halted;
     return 0;
 }
 
@@ -225,7 +225,7 @@ static int64_t due_us(void *self) {
     for (int i = 0; i < f->n_pending; i++) {
         const struct usb_transfer *t = f->pending[i];
         int at = next_packet(f, t->endpoint);
-        if (f->gone || !(t->endpoint & 0x80) || (f->halted && t->endpoint == 0x82))
+        if (f->gone || !(t->endpoint & 0x80) || t->endpoint == f->halted)
             return now;
         if (at >= 0 && f->packet[at].at_us < due)
             due = f->packet[at].at_us;

@@ -52,7 +52,8 @@ struct fake_usb {
     int fault_count;                       /* frames still to break; < 0: until reset */
     bool ignores_exposure, ignores_status; /* drops 02, FE */
     bool reset_mends;                      /* a reset ends the fault */
-    bool gone, halted;
+    bool gone;
+    uint8_t halted; /* the endpoint that stalls until its halt is cleared; 0 = none */
     int frames;     /* requests answered */
     uint16_t level; /* of the active pixels */
 };

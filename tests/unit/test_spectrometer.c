@@ -226,6 +226,29 @@ static void the_last_rung_is_a_reset_then_a_person(void **state) {
     spectrometer_close(s);
 }
 
+static void a_stalled_reply_is_freed_and_the_setting_ordered_again(void **state) {
+    (void)state;
+    opened("usb2000plus");
+    f.halted = 0x81;
+    assert_int_equal(spectrometer_set_exposure(s, 30000, NULL, &e), 0);
+    assert_non_null(strstr(f.log, "halt 81"));
+    assert_int_equal(f.exposure_us, 30000);
+    f.halted = 0x81;
+    assert_int_equal(spectrometer_set_lamp(s, true, NULL, &e), 0);
+    assert_int_equal(acquire(1), 0);
+    assert_int_equal(frames[0].exposure_us, 30000);
+    assert_true(frames[0].lamp && f.lamp);
+    f.ignores_status = true;
+    assert_int_equal(spectrometer_set_exposure(s, 50000, NULL, &e),
+                     -ERR_DEVICE); /* the whole ladder, in vain */
+    assert_non_null(strstr(e.text, "switch it off and on"));
+    assert_int_equal(acquire(1), -ERR_DEVICE);
+    f.ignores_status = false;
+    assert_int_equal(acquire(1), 0);
+    assert_int_equal(frames[0].exposure_us, 50000);
+    spectrometer_close(s);
+}
+
 static void a_frame_of_an_earlier_session_is_waited_for(void **state) {
     (void)state;
     fake_usb_init(&f, "usb4000", true);
@@ -269,6 +292,10 @@ static void what_cannot_be_opened_says_why(void **state) {
     f.link.info.max_packet[16 + 6] = 0;
     assert_int_equal(open_it(), -ERR_DEVICE);
     assert_non_null(strstr(e.text, "86"));
+    fake_usb_init(&f, "usb4000", true);
+    f.link.info.max_packet[16 + 2] = 65535; /* what a redirection host says is not to be trusted */
+    assert_int_equal(open_it(), -ERR_DEVICE);
+    assert_non_null(strstr(e.text, "65535"));
     fake_usb_init(&f, "usb2000plus", true);
     const struct spectrometer_model other = {.title = "X", .pixels = 1024, .max_exposure_us = 1000000};
     assert_int_equal(spectrometer_open(&s, &other, &f.link, &f.bench, NULL, &e), -ERR_DEVICE);
@@ -351,6 +378,7 @@ int main(void) {
         cmocka_unit_test(a_bad_frame_is_refused_and_the_stream_put_in_step),
         cmocka_unit_test(a_leftover_sync_byte_shifts_nothing),
         cmocka_unit_test(the_last_rung_is_a_reset_then_a_person),
+        cmocka_unit_test(a_stalled_reply_is_freed_and_the_setting_ordered_again),
         cmocka_unit_test(a_frame_of_an_earlier_session_is_waited_for),
         cmocka_unit_test(rubbish_in_the_endpoints_is_read_away),
         cmocka_unit_test(what_cannot_be_opened_says_why),
