@@ -6,6 +6,8 @@
 #   make lint                 layout, mistakes, sizes, who includes whom
 #   make asan                 every test under AddressSanitizer and UBSan, in build/asan
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
+#   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
+#   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
 #   make install DESTDIR= PREFIX=/usr/local
 
 VERSION := 0.1.0
@@ -136,10 +138,17 @@ demo:
 	@$(MAKE) --no-print-directory -j$(JOBS) all
 	@bash docs/examples/demo/run.sh $(BUILD)
 
+# Judged as measurement.md 11 says; a seed is again FIRST=SEED SEEDS=1.
+pulls: $(BUILD)/tests/scenario/test_pulls all
+	@SEEDS=$(or $(SEEDS),200) FIRST=$(or $(FIRST),1) $<
+
+measured: $(BUILD)/tests/scenario/test_measured_surface all
+	@SEEDS=$(or $(SEEDS),20) FIRST=$(or $(FIRST),1) DRAWS=1 $<
+
 clean:
 	rm -rf $(BUILD)
 
 FORCE:
-.PHONY: all tests fuzzers check deps lint asan fuzz install demo clean FORCE
+.PHONY: all tests fuzzers check deps lint asan fuzz install demo pulls measured clean FORCE
 .SECONDARY:
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)

@@ -15,16 +15,19 @@ struct visit { /* a state of the bench and how often a resumed session has been 
     bool lamp;
 };
 
+struct instead { /* what stands for a sample instead of its paint */
+    char sample[48];
+    struct simulate_surface surface;
+    const struct measured *measured; /* NULL: the modelled surface */
+};
+
 struct simulate {
     struct sim_bench *bench;
     const struct config *config;
     char position[JOB_SAMPLES][32]; /* where something is mounted, and what */
     char mounted[JOB_SAMPLES][48];
     int n_positions;
-    struct {
-        char sample[48];
-        struct simulate_surface surface;
-    } instead[JOB_SAMPLES];
+    struct instead instead[JOB_SAMPLES];
     int n_instead;
     struct visit *visit;
     int n_visits;
@@ -146,28 +149,53 @@ static char *mounted_at(struct simulate *s, const char *position) {
     return s->mounted[s->n_positions++];
 }
 
+static struct instead *new_instead(struct simulate *s, const char *sample, struct err *e) {
+    if (s->n_instead == JOB_SAMPLES) {
+        err_set(e, ERR_RANGE, "the simulated bench takes at most %d samples", JOB_SAMPLES);
+        return NULL;
+    }
+    struct instead *new = &s->instead[s->n_instead++];
+    *new = (struct instead){0};
+    snprintf(new->sample, sizeof new->sample, "%s", sample);
+    return new;
+}
+
 int simulate_mount_instead(struct simulate *s, const char *sample, const struct simulate_surface *surface,
                            struct err *e) {
-    if (s->n_instead == JOB_SAMPLES)
-        return err_set(e, ERR_RANGE, "the simulated bench takes at most %d samples", JOB_SAMPLES);
-    snprintf(s->instead[s->n_instead].sample, sizeof s->instead[0].sample, "%s", sample);
-    s->instead[s->n_instead++].surface = *surface;
+    struct instead *new = new_instead(s, sample, e);
+    if (!new)
+        return -ERR_RANGE;
+    new->surface = *surface;
     return 0;
 }
 
-static const struct simulate_surface *instead_of(const struct simulate *s, const char *sample) {
+int simulate_mount_measured(struct simulate *s, const char *sample, const struct measured *surface,
+                            struct err *e) {
+    struct instead *new = new_instead(s, sample, e);
+    if (!new)
+        return -ERR_RANGE;
+    new->measured = surface;
+    return 0;
+}
+
+static const struct instead *instead_of(const struct simulate *s, const char *sample) {
     for (int i = s->n_instead - 1; i >= 0; i--)
         if (!strcmp(s->instead[i].sample, sample))
-            return &s->instead[i].surface;
+            return &s->instead[i];
     return NULL;
 }
 
 static int surface_of(const struct simulate *s, const struct job_sample *sample, struct sim_surface *surface,
                       struct err *e) {
-    const struct simulate_surface *known = instead_of(s, sample->name);
+    const struct instead *instead = instead_of(s, sample->name);
     int water = sample->has_water ? (int)lround(sample->water_percent) : 0;
-    if (!known)
+    if (!instead)
         return sim_paint_find(sample->paint, sample->support, water, surface, e);
+    if (instead->measured) {
+        *surface = (struct sim_surface){.measured = instead->measured};
+        return 0;
+    }
+    const struct simulate_surface *known = &instead->surface;
     *surface = (struct sim_surface){
         .sigma = known->sigma, .gamma = known->gamma, .beta_prime = known->beta_prime, .n = known->n};
     memcpy(surface->s_lambda, known->s_lambda, sizeof surface->s_lambda);

@@ -2,13 +2,14 @@
  * simulate.h — `goniod --simulate`: the in-process bench and the virtual clock under the real drivers.
  *
  * The only file of the daemon that includes sim/. The bench takes its axes, optics and spectrometer from the config
- * (links sim:modbus and sim:usb), the truth of a sample from the job: its paint, support and water_percent, or
- * notes {brdf: NAME} for a surface that was added, or what simulate_mount_instead says. Mounting is done as the job says, at once: the simulated person
- * does what the hold asked for.
+ * (links sim:modbus and sim:usb), the truth of a sample from the job: its paint, support and water_percent, or what
+ * simulate_mount_instead and _measured say. Mounting is done as the job says, at once: the simulated person does what
+ * the hold asked for.
  *
  * Seed       draws of the bench; a resumed session sets the visit counts, so that noise goes on where it stood.
  * Errors     -ERR_INPUT names the nearest known paint; -ERR_INPUT a config the simulated bench cannot be.
- * Checked    tests/scenario/test_campaign.c, tests/replay/test_replay_physics.c
+ * Checked    tests/scenario/test_campaign.c, tests/scenario/test_measured_surface.c,
+ *            tests/replay/test_replay_physics.c
  */
 #ifndef DAEMON_SIMULATE_H
 #define DAEMON_SIMULATE_H
@@ -21,6 +22,7 @@
 #include "drivers/clock.h"
 
 struct simulate;
+struct measured; /* sim/measured.h */
 
 struct simulate_options {
     uint64_t seed;
@@ -36,5 +38,8 @@ void simulate_wiring(struct simulate *simulate, struct wiring *wiring);
 /* From the next mounting on, the sample of that name is this surface instead of its paint. */
 int simulate_mount_instead(struct simulate *simulate, const char *sample,
                            const struct simulate_surface *surface, struct err *e);
+/* The same with a measured surface, which outlives the bench; its sessions have no truth in parameters. */
+int simulate_mount_measured(struct simulate *simulate, const char *sample, const struct measured *surface,
+                            struct err *e);
 
 #endif
