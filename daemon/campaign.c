@@ -102,7 +102,12 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
         return 0;
     char text[256];
     snprintf(text, sizeof text, "%.200s", why->text);
-    return campaign_hold(c, text, false, passes_by_itself(code) ? CAMPAIGN_RETRY_S * US_PER_S : 0, &ignored);
+    int result =
+        campaign_hold(c, text, false, passes_by_itself(code) ? CAMPAIGN_RETRY_S * US_PER_S : 0, &ignored);
+    if (result == 0 &&
+        needs_a_person(code)) /* "continue" is that person's word; the step says what came of it */
+        stage_reset_alarms(&c->instruments.stage, &c->cancel, &ignored);
+    return result;
 }
 
 static int run_steps(struct campaign *c, struct err *e) {

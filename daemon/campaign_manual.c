@@ -36,6 +36,14 @@ static int await_answer(struct campaign *c, int which, struct err *e) {
     return result < 0 ? err_set(e, -result, "stopped") : 0;
 }
 
+/* An order of a person to an axis in alarm is the word to reset it. */
+static int ready_axis(struct campaign *c, int which, struct err *e) {
+    struct axis_status s;
+    int result = await_answer(c, which, e);
+    axis_status(c->instruments.stage.axis[which], &s);
+    return result == 0 && s.alarm ? stage_reset_alarms(&c->instruments.stage, &c->cancel, e) : result;
+}
+
 static int where(struct campaign *c, json_t **out, struct err *e) {
     bool uses[STAGE_AXES];
     for (int a = 0; a < STAGE_AXES; a++)
@@ -55,7 +63,7 @@ static int home(struct campaign *c, const struct desk_manual *m, json_t **out, s
     int which;
     int result = open_axis(c, m->axis, &which, e);
     if (result == 0)
-        result = await_answer(c, which, e);
+        result = ready_axis(c, which, e);
     if (result == 0)
         result = stage_home(&c->instruments.stage, which, &c->cancel, e);
     if (result == 0)
@@ -69,7 +77,7 @@ static int move(struct campaign *c, const struct desk_manual *m, json_t **out, s
     int which;
     int result = open_axis(c, m->axis, &which, e);
     if (result == 0)
-        result = await_answer(c, which, e);
+        result = ready_axis(c, which, e);
     if (result < 0)
         return result;
     target.used[which] = true;

@@ -6,6 +6,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#define STANDSTILL_US (10 * US_PER_S)
 #define FIRST_STATUS_US (5 * US_PER_S) /* a drive that has not answered once by then is absent */
 #define DRIFT_RATE_PRIOR                                                                                     \
     1e-9 /* relative variance per second: 0.1 % in 1000 s, a halogen lamp on a good supply */
@@ -182,11 +183,25 @@ static bool have_answered(void *arg) {
     return true;
 }
 
+/* An order of a goniod that was killed may still be under way: nothing that turns is left to itself. */
+static int await_standstill(struct campaign *c, struct err *e) {
+    struct stage *stage = &c->instruments.stage;
+    if (stage_standstill(stage))
+        return 0;
+    stage_order_stop(stage);
+    int result =
+        bench_wait(c->bench, clock_now_us(c->clock) + STANDSTILL_US, stage_standstill, stage, &c->cancel);
+    if (result == BENCH_DONE)
+        return 0;
+    return result < 0 ? err_set(e, -result, "stopped while waiting for the axes")
+                      : err_set(e, ERR_BUSY, "an axis turns and does not stop; who else commands it?");
+}
+
 static int await_axes(struct campaign *c, struct err *e) {
     int64_t until_us = clock_now_us(c->clock) + FIRST_STATUS_US;
     int result = bench_wait(c->bench, until_us, have_answered, c, &c->cancel);
     if (result == BENCH_DONE)
-        return 0;
+        return await_standstill(c, e);
     if (result < 0)
         return err_set(e, -result, "stopped while waiting for the axes");
     for (int a = 0; a < STAGE_AXES; a++) {

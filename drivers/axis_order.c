@@ -119,8 +119,8 @@ static int check_start(struct axis *a, struct err *e) {
     const struct axis_config *c = &a->config;
     int32_t slack = axis_deadband_udeg(a) + abs(udeg_from_deg(a->profile->backlash_deg));
     if (axis_moves(a))
-        return err_set(e, ERR_STATE,
-                       "axis %s turns although goniod has not ordered it; who else commands it?", c->name);
+        return err_set(e, ERR_BUSY, "axis %s turns although goniod has not ordered it; who else commands it?",
+                       c->name);
     if (a->task != TASK_MOVE)
         return 0;
     if (!a->valid)

@@ -194,6 +194,23 @@ int stage_home(struct stage *s, enum stage_axis which, const struct cancel *canc
     return wait_for(&moving, cancel, e);
 }
 
+int stage_reset_alarms(struct stage *s, const struct cancel *cancel, struct err *e) {
+    struct moving resetting = {.stage = s};
+    for (int i = 0; i < STAGE_AXES; i++) {
+        struct axis_status status;
+        if (!s->axis[i])
+            continue;
+        axis_status(s->axis[i], &status);
+        if (!status.alarm)
+            continue;
+        int result = axis_reset_alarm(s->axis[i], e);
+        if (result)
+            return result;
+        resetting.axis[i] = true;
+    }
+    return wait_for(&resetting, cancel, e);
+}
+
 /* A mute unit holds up whoever is asked after it for a response time: those that answer come first. */
 void stage_order_stop(struct stage *s) {
     bool ordered[STAGE_AXES] = {false};

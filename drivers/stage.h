@@ -46,6 +46,8 @@ int stage_check_path(const struct stage *s, const int32_t from_udeg[STAGE_AXES],
 int stage_move(struct stage *s, const struct stage_target *to, const struct cancel *cancel,
                struct stage_reading *reading, struct err *e);
 int stage_home(struct stage *s, enum stage_axis which, const struct cancel *cancel, struct err *e);
+/* One attempt for each axis that shows an alarm, by the word of a person (stage-modbus.md 5.3, rule 13). */
+int stage_reset_alarms(struct stage *s, const struct cancel *cancel, struct err *e);
 void stage_read(const struct stage *s, struct stage_reading *reading);
 /* Stop orders to every axis first, without waiting in between. */
 void stage_order_stop(struct stage *s);

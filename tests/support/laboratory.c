@@ -186,7 +186,7 @@ void laboratory_goniod_stop(struct laboratory *l, int signal, int expected) {
     kill(l->goniod.pid, signal);
     program_wait(&l->goniod, START_MS, &said);
     int status = said.status;
-    if (status != expected)
+    if (status != expected && (status != 0 || expected >= 0))
         print_message("# goniod ended with %d: %s\n", status, said.err);
     said_free(&said);
     if (expected != -2)
