@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Virtual time waits for every answer: there a new question waits until the points have grown by this factor. */
-#define VIRTUAL_GROWTH 1.25
+#define VIRTUAL_GROWTH 1.15
 
 struct fit_point {
     int64_t id, exposure_id;
@@ -18,7 +18,8 @@ struct fit_point {
         int cause;
         double mean;
     } common[POINT_COMMON_MAX];
-    char *json; /* as the question holds it; written once */
+    double (*band)[BANDS]; /* [n_common] change of each band; NAN = missing */
+    char *json;            /* as the question holds it; written once */
 };
 
 struct fit_bracket {
@@ -31,7 +32,9 @@ struct fit_points {
     struct fit_point *point;
     char (*cause)[40];
     struct fit_bracket *bracket;
-    bool *mirrored; /* by exposure id */
+    bool *mirrored;            /* by exposure id */
+    struct point_slope *asked; /* [n_asked] the points of the open question, in its order */
+    int n_asked;
     int64_t n_exposures;
 };
 
@@ -41,15 +44,21 @@ struct fit_points *fit_points_new(void) {
     return calloc(1, sizeof(struct fit_points));
 }
 
+static void clear_point(struct fit_point *p) {
+    free(p->json);
+    free(p->band);
+}
+
 void fit_points_free(struct fit_points *f) {
     if (!f)
         return;
     for (int i = 0; i < f->n; i++)
-        free(f->point[i].json);
+        clear_point(&f->point[i]);
     free(f->point);
     free(f->cause);
     free(f->bracket);
     free(f->mirrored);
+    free(f->asked);
     free(f);
 }
 
@@ -65,13 +74,12 @@ int fit_points_exposure(struct fit_points *f, int64_t id, bool mirrored) {
     return 0;
 }
 
-static void put_bands(FILE *out, const char *name, const double *value, const bool *present) {
-    fprintf(out, ",\"%s\":[", name);
+static void put_bands(FILE *out, const double *value) {
     for (int k = 0; k < BANDS; k++)
-        if (present[k])
-            fprintf(out, "%s%.9g", k ? "," : "", value[k]);
+        if (isfinite(value[k]))
+            fprintf(out, "%c%.9g", k ? ',' : '[', value[k]);
         else
-            fprintf(out, "%snull", k ? "," : "");
+            fprintf(out, "%cnull", k ? ',' : '[');
     fputc(']', out);
 }
 
@@ -86,8 +94,10 @@ static char *point_json(const struct fit_points *f, const struct point *p) {
             deg_from_udeg(p->theta_i_udeg), deg_from_udeg(p->theta_v_udeg), p->provisional ? "true" : "false",
             mirrored ? "true" : "false");
     fprintf(out, ",\"beta\":%.17g,\"u_ind\":%.17g", p->mean, p->mean_u_ind);
-    put_bands(out, "bands", p->beta, p->present);
-    put_bands(out, "bands_u", p->u_ind, p->present);
+    fputs(",\"bands\":", out);
+    put_bands(out, p->beta);
+    fputs(",\"bands_u\":", out);
+    put_bands(out, p->u_ind);
     fputc('}', out);
     return fclose(out) == 0 ? text : (free(text), NULL);
 }
@@ -116,7 +126,7 @@ static struct fit_point *place_of(struct fit_points *f, const struct point *p) {
         f->point = larger;
         f->capacity = capacity;
     }
-    f->point[f->n].json = NULL;
+    f->point[f->n] = (struct fit_point){0};
     return &f->point[f->n++];
 }
 
@@ -124,7 +134,7 @@ int fit_points_add(struct fit_points *f, const struct point *p) {
     struct fit_point *to = place_of(f, p);
     if (!to)
         return -ERR_NOMEM;
-    free(to->json);
+    clear_point(to);
     *to = (struct fit_point){.id = p->id,
                              .exposure_id = p->exposure_id,
                              .provisional = p->provisional,
@@ -132,10 +142,15 @@ int fit_points_add(struct fit_points *f, const struct point *p) {
                              .bracket = p->bracket,
                              .tau_us = p->tau_us,
                              .tau_r_us = p->tau_r_us,
-                             .n_common = p->n_common};
+                             .n_common = p->n_common,
+                             .band = malloc((size_t)(p->n_common + 1) * sizeof *to->band)};
+    if (!to->band)
+        return -ERR_NOMEM;
     for (int i = 0; i < p->n_common; i++) {
         to->common[i].cause = cause_of(f, p->common[i].name);
         to->common[i].mean = p->common[i].mean;
+        for (int k = 0; k < BANDS; k++)
+            to->band[i][k] = p->present[k] ? p->common[i].sensitivity[k] : NAN;
         if (to->common[i].cause < 0)
             return -ERR_NOMEM;
     }
@@ -164,18 +179,19 @@ void fit_points_bracket(struct fit_points *f, const struct bracket *b) {
 /* ---- the question ---- */
 
 struct question {
+    bool final;
     const struct fit_points *f;
     const struct reducer *reducer;
     int n;
     int *use; /* [n] index into f->point */
 };
 
-static int choose(struct question *q, bool final) {
+static int choose(struct question *q) {
     q->use = calloc(q->f->n + 1, sizeof *q->use);
     if (!q->use)
         return -ERR_NOMEM;
     for (int i = 0; i < q->f->n; i++)
-        if (q->f->point[i].usable && !(final && q->f->point[i].provisional))
+        if (q->f->point[i].usable && !(q->final && q->f->point[i].provisional))
             q->use[q->n++] = i;
     return 0;
 }
@@ -187,31 +203,57 @@ static void put_points(FILE *out, const struct question *q) {
     fputc(']', out);
 }
 
-/* The change of point i's mean for one standard uncertainty of a cause; NAN = the cause does not touch it. */
-static double change(const struct question *q, int i, int cause) {
+/* Which of point i's common parts a cause is; -1 = it does not touch the point. */
+static int part_of(const struct question *q, int i, int cause) {
     const struct fit_point *p = &q->f->point[q->use[i]];
-    for (int k = 0; k < p->n_common; k++)
-        if (p->common[k].cause == cause)
-            return p->common[k].mean;
-    return NAN;
+    int k = p->n_common - 1;
+    while (k >= 0 && p->common[k].cause != cause)
+        k--;
+    return k;
 }
 
+static void put_parts(FILE *out, const struct question *q, int cause, const char *name,
+                      void (*put)(FILE *out, const struct fit_point *p, int i, int part)) {
+    char glue = '[';
+    fprintf(out, "\"%s\":", name);
+    for (int i = 0; i < q->n; i++) {
+        int part = part_of(q, i, cause);
+        if (part < 0)
+            continue;
+        fputc(glue, out);
+        put(out, &q->f->point[q->use[i]], i, part);
+        glue = ',';
+    }
+    fputc(']', out);
+}
+
+static void put_index(FILE *out, const struct fit_point *p, int i, int part) {
+    (void)p;
+    (void)part;
+    fprintf(out, "%d", i);
+}
+
+static void put_mean(FILE *out, const struct fit_point *p, int i, int part) {
+    (void)i;
+    fprintf(out, "%.17g", p->common[part].mean);
+}
+
+static void put_part_bands(FILE *out, const struct fit_point *p, int i, int part) {
+    (void)i;
+    put_bands(out, p->band[part]);
+}
+
+/* By band in the final question only: online, a change in proportion to the mean is near enough. */
 static void put_cause(FILE *out, const struct question *q, int cause) {
-    const char *comma = "";
-    fprintf(out, "{\"name\":\"%s\",\"points\":[", q->f->cause[cause]);
-    for (int i = 0; i < q->n; i++)
-        if (isfinite(change(q, i, cause))) {
-            fprintf(out, "%s%d", comma, i);
-            comma = ",";
-        }
-    comma = "";
-    fputs("],\"mean\":[", out);
-    for (int i = 0; i < q->n; i++)
-        if (isfinite(change(q, i, cause))) {
-            fprintf(out, "%s%.17g", comma, change(q, i, cause));
-            comma = ",";
-        }
-    fputs("]}", out);
+    fprintf(out, "{\"name\":\"%s\",", q->f->cause[cause]);
+    put_parts(out, q, cause, "points", put_index);
+    fputc(',', out);
+    put_parts(out, q, cause, "mean", put_mean);
+    if (q->final) {
+        fputc(',', out);
+        put_parts(out, q, cause, "bands", put_part_bands);
+    }
+    fputc('}', out);
 }
 
 static void put_commons(FILE *out, const struct question *q) {
@@ -220,7 +262,7 @@ static void put_commons(FILE *out, const struct question *q) {
     for (int cause = 0; cause < q->f->n_causes; cause++) {
         bool touches = false;
         for (int i = 0; i < q->n && !touches; i++)
-            touches = isfinite(change(q, i, cause));
+            touches = part_of(q, i, cause) >= 0;
         if (!touches)
             continue;
         fputs(comma, out);
@@ -301,7 +343,7 @@ static char *question_text(struct campaign *c, const struct question *q) {
     FILE *out = settings ? open_memstream(&text, &size) : NULL;
     json_decref(setup);
     if (out) {
-        fprintf(out, "{\"id\":%d,", ++c->fit_number);
+        fprintf(out, "{\"id\":%d,\"final\":%s,", ++c->fit_number, q->final ? "true" : "false");
         put_points(out, q);
         put_commons(out, q);
         put_drift(out, q);
@@ -313,6 +355,30 @@ static char *question_text(struct campaign *c, const struct question *q) {
 }
 
 /* ---- asking and being answered ---- */
+
+static int remember_points(struct fit_points *f, const struct question *q) {
+    struct point_slope *asked = realloc(f->asked, (size_t)(q->n + 1) * sizeof *asked);
+    if (!asked)
+        return -ERR_NOMEM;
+    for (int i = 0; i < q->n; i++)
+        asked[i] = (struct point_slope){.point_id = f->point[q->use[i]].id};
+    f->asked = asked;
+    f->n_asked = q->n;
+    return 0;
+}
+
+/* The angular part of each point belongs to the estimate that it was derived from. */
+static void store_slopes(struct campaign *c, struct measured *m, const json_t *slopes) {
+    const json_t *source = json_object_get(slopes, "source"), *sample = json_object_get(slopes, "sample");
+    struct fit_points *f = m->points;
+    if (!slopes || (int)json_array_size(source) != f->n_asked || (int)json_array_size(sample) != f->n_asked)
+        return;
+    for (int i = 0; i < f->n_asked; i++) {
+        f->asked[i].source_per_deg = json_number_value(json_array_get(source, i));
+        f->asked[i].sample_per_deg = json_number_value(json_array_get(sample, i));
+    }
+    writer_slopes(c->writer, m->file, f->asked, f->n_asked);
+}
 
 static void answered(void *arg, const json_t *reply, const struct err *e) {
     struct campaign *c = arg;
@@ -328,6 +394,7 @@ static void answered(void *arg, const json_t *reply, const struct err *e) {
         m->fit_failed = false;
         m->has_estimate = true;
         writer_estimate(c->writer, m->file, campaign_now_us(c), c->fit_last_point, &m->estimate);
+        store_slopes(c, m, json_object_get(reply, "axis_slopes"));
         campaign_event(
             c, "estimate", true,
             json_pack("{s:s, s:o}", "session", m->name, "estimate", estimate_to_json(&m->estimate)));
@@ -338,8 +405,8 @@ static void answered(void *arg, const json_t *reply, const struct err *e) {
 
 static int ask(struct campaign *c, int sample, bool final, struct err *e) {
     struct measured *m = &c->measured[sample];
-    struct question q = {.f = m->points, .reducer = m->reducer};
-    char *text = choose(&q, final) == 0 ? question_text(c, &q) : NULL;
+    struct question q = {.f = m->points, .reducer = m->reducer, .final = final};
+    char *text = choose(&q) == 0 && remember_points(m->points, &q) == 0 ? question_text(c, &q) : NULL;
     free(q.use);
     if (!text)
         return err_set(e, ERR_NOMEM, "no memory for a question to the estimator");
@@ -353,13 +420,7 @@ static int ask(struct campaign *c, int sample, bool final, struct err *e) {
 
 /* In real time every new point asks for a new estimate; only the newest state is ever fitted. */
 void campaign_fit_point(struct campaign *c, struct measured *m) {
-    if (!c->clock->is_virtual)
-        m->fit_wanted = true;
-}
-
-void campaign_fit_bracket(struct campaign *c, struct measured *m) {
-    (void)c;
-    if (m->points->n >= VIRTUAL_GROWTH * m->points->n_fitted)
+    if (!c->clock->is_virtual || m->points->n >= VIRTUAL_GROWTH * m->points->n_fitted)
         m->fit_wanted = true;
 }
 

@@ -29,7 +29,6 @@ static int sink_bracket(void *arg, const struct bracket *b, struct err *e) {
     (void)e;
     writer_bracket(m->campaign->writer, m->file, b);
     fit_points_bracket(m->points, b);
-    campaign_fit_bracket(m->campaign, m);
     return 0;
 }
 

@@ -24,6 +24,7 @@ enum record_kind {
     RECORD_POINT,
     RECORD_BRACKET,
     RECORD_ESTIMATE,
+    RECORD_SLOPES,
     RECORD_EVENT,
     RECORD_EXCHANGE,
     RECORD_COMMIT,
@@ -119,6 +120,8 @@ static int write_row(struct session *s, struct record *r, struct err *e) {
         return session_add_bracket(s, r->object, e);
     case RECORD_ESTIMATE:
         return session_add_estimate(s, r->us, r->id, r->object, e);
+    case RECORD_SLOPES:
+        return session_add_slopes(s, r->object, (size_t)r->id, e);
     case RECORD_EVENT:
         return session_add_event(s, r->us, r->key, r->bytes, e);
     case RECORD_EXCHANGE:
@@ -433,6 +436,13 @@ void writer_estimate(struct writer *w, int file, int64_t now_us, int64_t last_po
         r->us = now_us;
         r->id = last_point_id;
     }
+    push(w, r);
+}
+
+void writer_slopes(struct writer *w, int file, const struct point_slope *slope, size_t n) {
+    struct record *r = record_new(w, RECORD_SLOPES, file, slope, n * sizeof *slope, 0);
+    if (r)
+        r->id = (int64_t)n;
     push(w, r);
 }
 

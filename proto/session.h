@@ -84,6 +84,11 @@ struct point {
     struct point_common common[POINT_COMMON_MAX];
 };
 
+struct point_slope { /* d beta / d axis of the visible mean, by the fitted model */
+    int64_t point_id;
+    double source_per_deg, sample_per_deg;
+};
+
 struct bracket { /* drift: covariance r tau1 (T - tau2) / T for tau1 <= tau2 (measurement.md 3) */
     int number;
     int64_t open_us, close_us; /* close_us 0: not closed */
@@ -132,6 +137,8 @@ int session_add_point(struct session *s, struct point *p, struct err *e);
 int session_add_bracket(struct session *s, const struct bracket *b, struct err *e);
 int session_add_estimate(struct session *s, int64_t now_us, int64_t last_point_id, const struct estimate *m,
                          struct err *e);
+/* Of the newest estimate: how its points answer to the axes (measurement.md 6). */
+int session_add_slopes(struct session *s, const struct point_slope *slope, size_t n, struct err *e);
 int session_add_event(struct session *s, int64_t now_us, const char *kind, const char *json, struct err *e);
 /* A Modbus exchange: request and reply as register images; result as returned by the link. */
 int session_add_exchange(struct session *s, int64_t sent_us, int64_t done_us, const char *link,

@@ -20,6 +20,7 @@ const char *const SESSION_TABLES[] = {
     "estimation_parameter",
     "estimation_spectrum",
     "estimation_warning",
+    "estimation_point",
     NULL,
 };
 
@@ -83,6 +84,9 @@ static const char SCHEMA[] =
     "CREATE TABLE estimation_warning (estimation_id INTEGER NOT NULL REFERENCES estimation, at INTEGER NOT "
     "NULL,"
     " text TEXT NOT NULL, PRIMARY KEY (estimation_id, at)) WITHOUT ROWID;"
+    "CREATE TABLE estimation_point (estimation_id INTEGER NOT NULL REFERENCES estimation,"
+    " point_id INTEGER NOT NULL REFERENCES point, source_per_deg REAL, sample_per_deg REAL,"
+    " PRIMARY KEY (estimation_id, point_id)) WITHOUT ROWID;"
     "CREATE INDEX point_exposure ON point (exposure_id);";
 
 /* Only points that stand: a provisional one gives way to the final one. */

@@ -338,6 +338,25 @@ int session_add_estimate(struct session *s, int64_t now_us, int64_t last_point_i
     return rc < 0 ? rc : session_leave(s, own, write_estimate(s, now_us, last_point_id, m, e), e);
 }
 
+static int write_slopes(struct session *s, const struct point_slope *slope, size_t n, struct err *e) {
+    struct query *q;
+    int rc = store_query(
+        s->store, "INSERT INTO estimation_point VALUES ((SELECT max(id) FROM estimation),?,?,?)", &q, e);
+    for (size_t i = 0; rc == 0 && i < n; i++) {
+        query_bind_int(q, 0, slope[i].point_id);
+        query_bind_double(q, 1, slope[i].source_per_deg);
+        query_bind_double(q, 2, slope[i].sample_per_deg);
+        rc = query_run(q, NULL, e);
+    }
+    return rc;
+}
+
+int session_add_slopes(struct session *s, const struct point_slope *slope, size_t n, struct err *e) {
+    bool own;
+    int rc = session_enter(s, &own, e);
+    return rc < 0 ? rc : session_leave(s, own, write_slopes(s, slope, n, e), e);
+}
+
 static int write_event(struct session *s, int64_t now_us, const char *kind, const char *json, struct err *e) {
     struct query *q;
     int rc = store_query(s->store, "INSERT INTO event VALUES (NULL,?,?,?)", &q, e);

@@ -257,6 +257,28 @@ static void estimates_come_back(void **state) {
     ROW_OK(session_close(s, e));
 }
 
+static void slopes_belong_to_the_newest_estimate(void **state) {
+    (void)state;
+    struct session *s = fill(3);
+    struct estimate m;
+    const struct point_slope slope[] = {{1, .25, -.5}, {2, 1e-3, 0}};
+    for (int n = 1; n <= 2; n++) {
+        row_estimate(n, &m);
+        ROW_OK(session_add_estimate(s, 1000 * n, n, &m, e));
+    }
+    ROW_OK(session_add_slopes(s, slope, 2, e));
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    ROW_OK(session_dump_table(s, "estimation_point", out, e));
+    fclose(out);
+    assert_string_equal(
+        text, "estimation_point\testimation_id=2\tpoint_id=1\tsource_per_deg=0.25\tsample_per_deg=-0.5\n"
+              "estimation_point\testimation_id=2\tpoint_id=2\tsource_per_deg=0.001\tsample_per_deg=0\n");
+    free(text);
+    ROW_OK(session_close(s, e));
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
 
 /* --make FILE: a session for tests/unit/test_session_format.py. */
@@ -285,6 +307,7 @@ int main(int argc, char **argv) {
         TEST(exposures_and_points_come_back),
         TEST(brackets_events_exchanges_and_texts_come_back),
         TEST(estimates_come_back),
+        TEST(slopes_belong_to_the_newest_estimate),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
