@@ -5,6 +5,7 @@
 #   make check                every test; closes with "N passed, N failed, N skipped"
 #   make lint                 layout, mistakes, sizes, who includes whom
 #   make asan                 every test under AddressSanitizer and UBSan, in build/asan
+#   make crash N=200          goniod killed N times at random moments and N times in a write, and resumed
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
 #   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
 #   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
@@ -16,6 +17,7 @@ SANITIZE ?=
 PREFIX ?= /usr/local
 DESTDIR ?=
 FUZZ_S ?= 60
+N ?= 200
 JOBS ?= $(shell nproc)
 FOLDERS := proto drivers fit sim daemon
 C_LIBS := libmodbus libusb-1.0 libusbredirparser-0.5 sqlite3 libuv jansson libfyaml
@@ -101,6 +103,13 @@ asan:
 	@LSAN_OPTIONS=suppressions=$(CURDIR)/.ci/leaks:print_suppressions=0 BUILD=build/asan \
 	    /usr/bin/python3 tests/run.py build/asan
 
+crash:
+	@.ci/deps build check
+	@$(MAKE) --no-print-directory -j$(JOBS) tests
+	@$(BUILD)/tests/crash/test_session_kill
+	@$(BUILD)/tests/crash/test_campaign_kill
+	@KILLS=$(N) BUILD=$(BUILD) /usr/bin/python3 tests/crash/test_goniod_kill.py
+
 fuzz:
 	@.ci/deps build fuzz
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build/fuzz CC=clang CXX=clang++ CFLAGS=-Wno-error \
@@ -149,6 +158,6 @@ clean:
 	rm -rf $(BUILD)
 
 FORCE:
-.PHONY: all tests fuzzers check deps lint asan fuzz install demo pulls measured clean FORCE
+.PHONY: all tests fuzzers check deps lint asan crash fuzz install demo pulls measured clean FORCE
 .SECONDARY:
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
