@@ -6,17 +6,34 @@
 
 #define POINTS_MIN 3 /* a band of fewer points says nothing of S beyond their noise */
 
-double bandfit_variance(const struct problem *p, size_t point, int band) {
-    double floor_u = 1e-5 * fabs(p->input->band_beta[point * BANDS + (size_t)band]) + 1e-7;
-    double u = p->input->band_u_ind ? fmax(p->input->band_u_ind[point * BANDS + (size_t)band], floor_u)
-                                    : p->u[point];
+/* Each point that has the band also says how well it is known there. */
+static bool all_known(const struct problem *p, int band) {
+    const double *beta = p->input->band_beta, *u = p->input->band_u_ind;
+    for (size_t i = 0; u && i < p->n; i++) {
+        size_t at = i * BANDS + (size_t)band;
+        if (isfinite(beta[at]) && !isfinite(u[at])) {
+            return false;
+        }
+    }
+    return u != NULL;
+}
+
+/* Independent variance of a point's value in a band; where u is not known, the mean's, which has its shape. */
+static double variance_of(const struct problem *p, size_t point, int band, bool known) {
+    if (!known) {
+        return p->u[point] * p->u[point];
+    }
+    size_t at = point * BANDS + (size_t)band;
+    double floor_u = 1e-5 * fabs(p->input->band_beta[at]) + 1e-7, u = fmax(p->input->band_u_ind[at], floor_u);
     return u * u + p->angle_u2[point]; /* the lobe is achromatic: the mean's angle part serves */
 }
 
 size_t bandfit_weights(struct bandfit *f, const struct problem *p, int band) {
     size_t count = 0;
+    f->known = all_known(p, band);
     for (size_t i = 0; i < p->n; i++) {
-        double beta = p->input->band_beta[i * BANDS + (size_t)band], variance = bandfit_variance(p, i, band);
+        double beta = p->input->band_beta[i * BANDS + (size_t)band];
+        double variance = variance_of(p, i, band, f->known);
         bool present = isfinite(beta) && isfinite(variance);
         f->weight[i] = !present ? 0 : p->input->unweighted ? 1 : 1 / variance;
         count += present;
@@ -27,10 +44,12 @@ size_t bandfit_weights(struct bandfit *f, const struct problem *p, int band) {
 /* Gauss-Newton from the linear solution: the quadratic part is a few per cent, four steps reach the last
  * bits. */
 static double solve_band(const struct bandfit *f, const struct problem *p, int band, double *variance) {
-    double s = 0, spread = 0;
+    double s = 0, spread = 0, scatter = 0;
+    int count = 0;
     for (int step = 0; step < 5; step++) {
         double jj = 0, jr = 0;
-        spread = 0;
+        spread = scatter = 0;
+        count = 0;
         for (size_t i = 0; i < p->n; i++) {
             if (f->weight[i] == 0) {
                 continue;
@@ -39,16 +58,18 @@ static double solve_band(const struct bandfit *f, const struct problem *p, int b
             double slope = x->l1 + 2 * s * x->l2;
             double rest =
                 p->input->band_beta[i * BANDS + (size_t)band] - x->specular - s * x->l1 - s * s * x->l2;
-            double ws = f->weight[i] * slope;
+            double ws = f->weight[i] * slope, variance_here = variance_of(p, i, band, f->known);
             jj += ws * slope;
             jr += ws * rest;
-            spread += ws * ws * bandfit_variance(p, i, band);
+            spread += ws * ws * variance_here;
+            scatter += rest * rest / variance_here;
+            count++;
         }
         if (!(jj > 0)) {
             return NAN;
         }
         s += jr / jj;
-        *variance = spread / (jj * jj);
+        *variance = spread / (jj * jj) * (f->known ? 1 : scatter / (count - 1));
     }
     return s;
 }

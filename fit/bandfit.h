@@ -22,8 +22,9 @@ struct bandfit_point { /* beta_b = S l1 + S^2 l2 + specular; slopes with respect
 struct bandfit {
     struct bandfit_point *point; /* [n] */
     double s[BANDS];             /* NaN = not measured */
-    double variance[BANDS];      /* of s, independent part alone */
+    double variance[BANDS];      /* of s, independent part alone; from the scatter where no u is given */
     double *weight;              /* [n] of the band last solved; 0 where the point lacks it */
+    bool known;                  /* each of its points states a u in the band last solved */
 };
 
 /* input->band_beta must be there. */
@@ -31,8 +32,6 @@ int bandfit_run(struct bandfit *f, const struct problem *p, const double *value,
 void bandfit_free(struct bandfit *f);
 /* Weights of one band into f->weight; returns the number of points that have it. */
 size_t bandfit_weights(struct bandfit *f, const struct problem *p, int band);
-/* Independent variance of a point's value in a band. */
-double bandfit_variance(const struct problem *p, size_t point, int band);
 double bandfit_q(const struct bandfit *f, int low_nm, int high_nm);
 
 #ifdef __cplusplus

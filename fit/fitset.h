@@ -37,7 +37,7 @@ struct fitset_bracket {
 
 struct fitset {
     struct estimate_input input; /* settings; its arrays are set by fitset_input */
-    size_t n, capacity, band_capacity;
+    size_t n, capacity;
     double *theta_i_deg, *theta_v_deg, *beta, *u_ind, *bands, *bands_u;
     bool *mirrored;
     bool has_u, has_bands, has_bands_u;

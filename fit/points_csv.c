@@ -85,6 +85,12 @@ static int find_layout(const struct csv *csv, struct layout *l, struct err_list 
         status = csv_error(csv, &csv->name[l->column[BETA]], errors,
                            "give either 'beta' or columns by wavelength, not both");
     }
+    for (int c = U_BETA; c <= U_IND && !status; c++) {
+        if (l->spectral && l->column[c] >= 0) {
+            status = csv_error(csv, &csv->name[l->column[c]], errors,
+                               "'%s' belongs to the column 'beta'; by wavelength write u_550nm", names[c]);
+        }
+    }
     return status;
 }
 
@@ -124,10 +130,10 @@ static int read_bands(const struct csv *csv, size_t row, const struct layout *l,
     return status;
 }
 
-static int add_common(struct fitset *d, const double *cell, struct err *e) {
+static int add_common(struct fitset *d, const double *cell, double beta, struct err *e) {
     double change = 0;
     if (!isnan(cell[U_COMMON_REL])) {
-        change = cell[U_COMMON_REL] * cell[BETA];
+        change = cell[U_COMMON_REL] * beta;
     } else if (!isnan(cell[U_BETA]) && !isnan(cell[U_IND])) {
         change = sqrt(fmax(cell[U_BETA] * cell[U_BETA] - cell[U_IND] * cell[U_IND], 0));
     }
@@ -165,7 +171,7 @@ static int read_row(const struct csv *csv, size_t row, const struct layout *l, s
         d->n_left_out++;
         return 0;
     }
-    if ((status = fitset_add_point(d, &point, &e)) || (status = add_common(d, cell, &e))) {
+    if ((status = fitset_add_point(d, &point, &e)) || (status = add_common(d, cell, point.beta, &e))) {
         err_list_add(errors, &e);
     }
     return status;

@@ -157,6 +157,41 @@ static void spectrum_is_recovered_within_its_uncertainty(void **state) {
     assert_true(spread > 0.8 && spread < 1.25);
 }
 
+/* Bands whose u is not stated are known by their scatter: never better, and not so badly that colour is lost. */
+static void without_band_uncertainties_the_scatter_tells(void **state) {
+    (void)state;
+    struct dice d = {seed()};
+    const double value[MATERIAL_PARAMETERS] = {0.2, 0.3, 0.07, 7.6, 1.7};
+    double square[2] = {0, 0};
+    int count[2] = {0, 0};
+    for (int run = 0; run < 24; run++) {
+        struct estimate estimate;
+        goniometry_make(&m, value, 60, 10);
+        goniometry_colour(&m, 0.04, 0.45);
+        goniometry_band_noise(&m, &d, 0.01);
+        for (size_t i = 0; i < m.input.n; i++) { /* half of the bands state no u */
+            for (int b = 0; b < BANDS; b += 2) {
+                m.band_u[i * BANDS + (size_t)b] = NAN;
+            }
+        }
+        m.input.band_u_ind = run % 2 ? m.band_u : NULL;
+        m.input.u_ind = run < 12 ? m.u : NULL;
+        fit(&estimate);
+        assert_float_equal(estimate.q, m.q, 0.02 * m.q);
+        for (int b = 0; b < BANDS; b++) {
+            double pull = (estimate.s_lambda[b] - m.s_lambda[b]) / estimate.u_s_lambda[b];
+            square[run >= 12] += pull * pull;
+            count[run >= 12]++;
+        }
+    }
+    for (int k = 0; k < 2; k++) {
+        double spread = sqrt(square[k] / count[k]);
+        print_message("# S(lambda) %s u of the mean: spread %.3f of stated u\n", k ? "without" : "with",
+                      spread);
+        assert_true(spread > 0.6 && spread < 1.5);
+    }
+}
+
 static void axis_repeatability_enters_weights_and_covariance(void **state) {
     (void)state;
     struct dice d = {seed()};
@@ -198,6 +233,7 @@ int main(void) {
         cmocka_unit_test(published_sets_are_recovered_within_stated_uncertainty),
         cmocka_unit_test(coloured_paint_needs_q_and_two_passes_find_it),
         cmocka_unit_test(spectrum_is_recovered_within_its_uncertainty),
+        cmocka_unit_test(without_band_uncertainties_the_scatter_tells),
         cmocka_unit_test(axis_repeatability_enters_weights_and_covariance),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

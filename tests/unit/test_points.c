@@ -75,6 +75,13 @@ static void columns_by_wavelength_give_bands_and_mean(void **state) {
     assert_float_equal(in->beta[0], 0.6, 1e-15); /* 390 nm is not visible */
     assert_float_equal(in->u_ind[0], 0.025, 1e-15);
     fitset_free(&d);
+    assert_int_equal(
+        read_csv("theta_i_deg,theta_v_deg,beta_500nm,beta_600nm,u_common_rel\n10,0,0.5,0.7,0.01\n", &d,
+                 &errors),
+        0);
+    assert_int_equal(fitset_input(&d, &in, NULL), 0);
+    assert_float_equal(in->common[0].mean[0], 0.006, 1e-15);
+    fitset_free(&d);
 }
 
 static void every_mistake_has_its_place(void **state) {
@@ -104,6 +111,7 @@ static void every_mistake_has_its_place(void **state) {
                                         "theta_i_deg,theta_v_deg,beta,beta_550nm\n1,2,3,4\n",
                                         "theta_i_deg,theta_v_deg,beta_550nm,beta_551nm\n1,2,3,4\n",
                                         "theta_i_deg,theta_v_deg,beta_1550nm\n1,2,3\n",
+                                        "theta_i_deg,theta_v_deg,beta_550nm,u_ind\n1,2,3,0.1\n",
                                         "theta_i_deg,theta_v_deg,beta_infnm\n1,2,3\n",
                                         "theta_i_deg,theta_v_deg,beta\n1,2\n"};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
