@@ -7,6 +7,20 @@
 #include <string.h>
 #include <unistd.h>
 
+/* Without replacing. File systems of memory sticks know no hard links, those of networks no such renaming. */
+static int give_name(const char *part, const char *to, struct err *e) {
+    if (renameat2(AT_FDCWD, part, AT_FDCWD, to, RENAME_NOREPLACE) == 0)
+        return 0;
+    int saved_errno = errno;
+    if (saved_errno == EINVAL || saved_errno == ENOSYS) {
+        if (link(part, to) == 0)
+            return 0;
+        saved_errno = errno;
+    }
+    return err_errno(e, saved_errno == EEXIST ? ERR_BUSY : ERR_IO, saved_errno, "cannot name the copy %s",
+                     to);
+}
+
 /* The copy appears under its name only when it is whole, and never replaces a file. */
 int session_copy(const char *from, const char *to, struct err *e) {
     char part[PATH_MAX];
@@ -20,11 +34,8 @@ int session_copy(const char *from, const char *to, struct err *e) {
         return rc;
     unlink(part);
     rc = store_backup(s->store, part, e);
-    if (rc == 0 && link(part, to) < 0) {
-        int saved_errno = errno;
-        rc = err_errno(e, saved_errno == EEXIST ? ERR_BUSY : ERR_IO, saved_errno, "cannot name the copy %s",
-                       to);
-    }
+    if (rc == 0)
+        rc = give_name(part, to, e);
     unlink(part);
     session_close(s, NULL);
     return rc;
@@ -37,8 +48,15 @@ struct finding { /* rows of sql are what is wrong; the first column says which r
 static const struct finding FINDINGS[] = {
     {"SELECT id, '' FROM exposure WHERE start_us >= end_us OR (kind <> 'dark' AND settled_us >= start_us)",
      "exposure %lld: settled < start < end does not hold%s; its points cannot be trusted"},
-    {"SELECT a.id, '' FROM exposure AS a JOIN exposure AS b ON b.id = a.id + 1 WHERE b.start_us < a.end_us",
+    /* Times bound an integration from outside: sets of one unchanged state may overlap by their bounds. */
+    {"SELECT a.id, '' FROM exposure AS a JOIN exposure AS b ON b.id = a.id + 1 WHERE b.start_us < a.end_us "
+     "AND"
+     " (b.settled_us <> a.settled_us OR b.lamp <> a.lamp OR b.exposure_us <> a.exposure_us OR b.end_us <= "
+     "a.end_us)",
      "exposure %lld: the next one begins before it ends%s"},
+    {"SELECT a.id, '' FROM exposure AS a JOIN exposure AS b ON b.id = a.id + 1 WHERE a.kind <> 'dark' AND"
+     " b.settled_us > a.settled_us AND b.settled_us <= a.end_us",
+     "exposure %lld: the stage moved before it ended%s"},
     {"SELECT id, '' FROM exposure WHERE length(counts) <> 2 * n_scans * pixels",
      "exposure %lld: the bytes of its spectra do not fit its scans and pixels%s"},
     {"SELECT p.id, '' FROM point AS p LEFT JOIN exposure AS x ON x.id = p.exposure_id WHERE x.id IS NULL",

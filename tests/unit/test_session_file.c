@@ -317,12 +317,30 @@ static void verify_finds(const char *sql, const char *word) {
     unlink(path);
 }
 
+/* Start and end of a set are bounds: of two sets in one state they may cross. */
+static void sets_of_one_state_may_overlap_by_their_bounds(void **state) {
+    (void)state;
+    struct err_list found = {0};
+    ROW_OK(session_close(fill(4), e));
+    assert_int_equal(
+        raw_sql(
+            "DROP TRIGGER exposure_no_update; UPDATE exposure SET (settled_us, lamp, exposure_us, start_us)"
+            " = (SELECT settled_us, lamp, exposure_us, end_us - 1 FROM exposure WHERE id = 2) WHERE id = 3"),
+        SQLITE_OK);
+    ROW_OK(session_verify(path, &found, e));
+    err_list_free(&found);
+}
+
 static void verify_finds_what_was_tampered_with(void **state) {
     (void)state;
     verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET start_us = settled_us WHERE id = 2",
                  "exposure 2: settled < start < end");
     verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET end_us = 9000000 WHERE id = 2",
                  "exposure 2: the next one begins");
+    verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET settled_us = (SELECT end_us FROM "
+                 "exposure WHERE "
+                 "id = 2) WHERE id = 3",
+                 "exposure 2: the stage moved before it ended");
     verify_finds("DROP TRIGGER exposure_no_delete; DELETE FROM exposure WHERE id = 3",
                  "its exposure is missing");
     verify_finds(
@@ -420,6 +438,7 @@ int main(void) {
         TEST(foreign_and_broken_files_are_named),
         TEST(network_file_systems_are_known),
         TEST(a_copy_of_a_live_session_is_whole),
+        TEST(sets_of_one_state_may_overlap_by_their_bounds),
         TEST(verify_finds_what_was_tampered_with),
         TEST(damage_inside_is_found),
         TEST(a_cut_off_session_without_rights_says_so),
