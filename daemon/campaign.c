@@ -47,11 +47,23 @@ static struct stage_target motor_target(const struct campaign *c, const struct s
     return t;
 }
 
+/* From where the stage stands, and not from where the plan left it: readings are also taken out of its order. */
 int campaign_move(struct campaign *c, const struct step *step, struct err *e) {
-    struct stage_reading reading;
-    for (int v = 0; v <= step->n_via; v++) {
-        struct stage_target t = motor_target(c, v < step->n_via ? &step->via[v] : &step->target);
-        int result = stage_move(&c->instruments.stage, &t, &c->cancel, &reading, e);
+    struct stage_target via[PLAN_VIA];
+    struct stage_reading at;
+    struct plan_devices devices = {0};
+    instruments_plan_devices(&c->instruments, &devices);
+    stage_read(&c->instruments.stage, &at);
+    int stops = plan_way(c->setup.config, &devices, at.udeg, &step->target, via);
+    if (stops < 0)
+        return err_set(
+            e, ERR_DEVICE,
+            "no way round the keep-out zones leads from where the stage stands (source %.2f, sample %.2f "
+            "deg) to its next reading: move it to a free place by hand",
+            deg_from_udeg(at.udeg[STAGE_SOURCE]), deg_from_udeg(at.udeg[STAGE_SAMPLE]));
+    for (int v = 0; v <= stops; v++) {
+        struct stage_target t = motor_target(c, v < stops ? &via[v] : &step->target);
+        int result = stage_move(&c->instruments.stage, &t, &c->cancel, &at, e);
         if (result < 0)
             return result;
     }
@@ -163,9 +175,10 @@ static void forget_run(struct campaign *c) {
     c->done = NULL;
     c->attempt = c->dark_attempt = NULL;
     c->frames = NULL;
+    c->shutter_us = INT64_MIN;
     c->n_darks = c->n_done = c->bracket = c->plan_bracket = c->last_bracket = 0;
     c->estimate_done_us = c->offset_us = c->ticket = 0;
-    c->step = c->mounted = -1;
+    c->step = -1;
     c->set.full = c->fit_final = c->fit_warned = false;
     err_clear(&c->store_failure);
     c->job = NULL;
@@ -184,6 +197,7 @@ void campaign_run(struct campaign *c, struct campaign_job *job) {
     c->job = &job->job;
     c->plan = &job->plan;
     c->started_us = clock_now_us(c->clock);
+    campaign_mounted_at_start(c);
     if (result == 0)
         result = allocate_run(c, &e);
     if (result == 0)
@@ -211,8 +225,8 @@ int campaign_new(struct campaign **campaign, const struct campaign_setup *setup,
     c->setup = *setup;
     c->bench = setup->bench;
     c->clock = setup->bench->clock;
-    c->step = c->mounted = -1;
-    c->lamp_since_us = INT64_MIN;
+    c->step = -1;
+    c->lamp_since_us = c->shutter_us = INT64_MIN;
     c->lamp = c->commission_axis = -1;
     c->last_temperature_c = NAN;
     int result =

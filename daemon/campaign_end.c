@@ -6,6 +6,9 @@
 #define STANDSTILL_US (10 * US_PER_S)
 
 int campaign_park(struct campaign *c, struct err *e) {
+    int result = campaign_owed_darks(c, c->step, e);
+    if (result < 0)
+        return result;
     campaign_set_state(c, CAMPAIGN_PARKING);
     if (c->instruments.spectrometer && campaign_set_lamp(c, false, e) < 0)
         return -e->code;

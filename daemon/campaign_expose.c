@@ -60,9 +60,13 @@ int campaign_set_lamp(struct campaign *c, bool on, struct err *e) {
         return 0;
     if (c->setup.config->shutter == SHUTTER_MANUAL) {
         int result = campaign_hold(c, on ? "Open the shutter" : "Shut the shutter", true, 0, e);
-        if (result == 0)
-            c->lamp = on;
-        return result;
+        if (result < 0)
+            return result;
+        c->lamp = on;
+        c->shutter_us = clock_now_us(c->clock);
+        if (c->setup.wiring->shutter)
+            c->setup.wiring->shutter(c->setup.wiring->self, on);
+        return 0;
     }
     int result = spectrometer_set_lamp(c->instruments.spectrometer, on, &c->cancel, e);
     c->lamp = result == 0 ? on : -1;
@@ -82,6 +86,10 @@ static int scan(struct campaign *c, int exposure_us, int n, int64_t not_before_u
     c->last_exposure_us = exposure_us;
     c->last_set_us = clock_now_us(c->clock);
     return 0;
+}
+
+static int64_t lit_and_settled_us(const struct campaign *c, const struct stage_reading *at) {
+    return at->settled_us > c->shutter_us ? at->settled_us : c->shutter_us;
 }
 
 /* Finds an exposure time for a surface not seen before, by single scans that are not kept. */
@@ -151,7 +159,7 @@ static int fill_set(struct campaign *c, int k, const struct set *head, const str
     x->exposure_us = c->last_exposure_us;
     x->n_scans = n;
     x->pixels = c->frames[0].pixels;
-    x->lamp = c->frames[0].lamp;
+    x->lamp = c->setup.config->shutter == SHUTTER_LAMP_LINE ? c->frames[0].lamp : !head->dark;
     x->temperature_c = NAN;
     for (int i = 0; i < n; i++)
         if (c->frames[i].saturated_pixels > x->saturated_pixels)
@@ -174,7 +182,7 @@ static struct dark *dark_of(struct campaign *c, int exposure_us) {
             return &c->dark[i];
     /* The oldest place serves again when all are taken: that exposure time is then measured anew. */
     struct dark *d = &c->dark[c->n_darks < CAMPAIGN_DARKS ? c->n_darks++ : c->last_bracket % CAMPAIGN_DARKS];
-    d->exposure_us = exposure_us;
+    *d = (struct dark){.exposure_us = exposure_us};
     for (int i = 0; i < JOB_SAMPLES; i++)
         d->taken_us[i] = INT64_MIN;
     return d;
@@ -189,28 +197,61 @@ static uint32_t without_dark(const struct campaign *c, const struct dark *d, uin
     return mask;
 }
 
-static int ensure_dark(struct campaign *c, int k, int exposure_us, uint32_t samples, struct err *e) {
-    struct dark *d = dark_of(c, exposure_us);
-    struct set head = {.dark = true, .samples = without_dark(c, d, samples)};
+static int take_dark(struct campaign *c, int k, struct dark *d, uint32_t samples, struct err *e) {
+    struct set head = {.dark = true, .samples = samples};
     struct stage_reading at;
-    if (!head.samples || c->setup.config->shutter == SHUTTER_NONE)
-        return 0;
     int n = c->job->exposure.average;
     int result = campaign_set_lamp(c, false, e);
     stage_read(&c->instruments.stage, &at);
     if (result == 0)
         result = campaign_store_room(c, e);
     if (result == 0)
-        result = scan(c, exposure_us, n, clock_now_us(c->clock), e);
+        result = scan(c, d->exposure_us, n, clock_now_us(c->clock), e);
     if (result == 0)
         result = fill_set(c, k, &head, &at, n, e);
     if (result < 0)
         return result;
     for (int i = 0; i < JOB_SAMPLES; i++)
-        if (head.samples >> i & 1)
+        if (samples >> i & 1)
             d->taken_us[i] = clock_now_us(c->clock);
+    d->owed &= ~samples;
     campaign_store_set(c);
     return 0;
+}
+
+int campaign_owed_darks(struct campaign *c, int k, struct err *e) {
+    int result = 0;
+    for (int i = 0; i < c->n_darks && result == 0; i++)
+        if (c->dark[i].owed)
+            result = take_dark(c, k, &c->dark[i], c->dark[i].owed, e);
+    return result;
+}
+
+/* With a shutter worked by hand the first dark of an exposure time may follow its readings, which wait for it
+ * (reduce.h): so it is asked for once in dark_every_min, not at each new exposure time. */
+static int owe_dark(struct campaign *c, int k, struct dark *d, uint32_t samples, struct err *e) {
+    int64_t now_us = clock_now_us(c->clock), oldest_us = now_us;
+    bool grown_old = false;
+    if (!d->owed)
+        d->owed_us = now_us;
+    for (int i = 0; i < JOB_SAMPLES; i++)
+        grown_old |= samples >> i & 1 && d->taken_us[i] != INT64_MIN;
+    d->owed |= samples;
+    for (int i = 0; i < c->n_darks; i++)
+        if (c->dark[i].owed && c->dark[i].owed_us < oldest_us)
+            oldest_us = c->dark[i].owed_us;
+    if (!grown_old && now_us - oldest_us < (int64_t)(c->job->exposure.dark_every_min * US_PER_MIN))
+        return 0;
+    return campaign_owed_darks(c, k, e);
+}
+
+static int ensure_dark(struct campaign *c, int k, int exposure_us, uint32_t samples, struct err *e) {
+    struct dark *d = dark_of(c, exposure_us);
+    uint32_t missing = without_dark(c, d, samples);
+    if (c->setup.config->shutter == SHUTTER_NONE || !missing)
+        return 0;
+    return c->setup.config->shutter == SHUTTER_MANUAL ? owe_dark(c, k, d, missing, e)
+                                                      : take_dark(c, k, d, missing, e);
 }
 
 /* ---- a reading ---- */
@@ -236,7 +277,7 @@ static int take_set(struct campaign *c, int k, const struct set *head, int expos
     if (result == 0)
         result = campaign_store_room(c, e);
     if (result == 0)
-        result = scan(c, exposure_us, n, at.settled_us + 1, e); /* strictly after: design 4.1 */
+        result = scan(c, exposure_us, n, lit_and_settled_us(c, &at) + 1, e); /* strictly after: design 4.1 */
     if (result == 0)
         result = check_still(c, &at, e);
     if (result == 0)
@@ -269,7 +310,7 @@ int campaign_expose(struct campaign *c, int k, const struct set *head, struct er
     if (result == 0 && !l->known) {
         result = campaign_set_lamp(c, true, e);
         if (result == 0)
-            result = probe(c, l, at.settled_us, e);
+            result = probe(c, l, lit_and_settled_us(c, &at), e);
     }
     int exposure_us = result == 0 ? choose_exposure(c, l) : 0;
     for (bool weak_before = false; result == 0;) {

@@ -99,45 +99,90 @@ int campaign_hold_for_samples(struct campaign *c, struct err *e) {
     return campaign_hold(c, text, true, 0, e);
 }
 
-static bool turns_an_axis(const struct step *s) {
-    return s->target.used[STAGE_SAMPLE];
+/* A holder without a motor is one place. */
+static int place_of(const struct campaign *c, int surface) {
+    const struct config_axis *holder = &c->setup.config->holder;
+    const char *name =
+        surface == MOUNTED_REFERENCE ? c->job->reference.holder : c->job->sample[surface].holder;
+    const struct config_position *position = config_position_find(holder, name);
+    return holder->kind == CONFIG_AXIS_MOTOR && position ? (int)(position - holder->position) : 0;
 }
 
-static int last_mounting(const struct campaign *c, int k) {
-    for (int h = k; h >= 0; h--)
-        if (c->plan->step[h].kind == STEP_HOLD && !turns_an_axis(&c->plan->step[h]))
-            return h;
-    return -1;
+static bool shows_a_surface(const struct step *s) {
+    return s->kind == STEP_SAMPLE || s->kind == STEP_REFERENCE || (s->kind == STEP_HOLD && s->mounts);
 }
 
-static int mount_for_step(struct campaign *c, int k, struct err *e) {
-    int wanted = last_mounting(c, k);
-    if (wanted == c->mounted)
-        return 0;
-    int result = campaign_hold(
-        c, wanted >= 0 ? c->plan->step[wanted].text : "Mount everything as at the start", true, 0, e);
-    if (result == 0)
-        c->mounted = wanted;
-    return result;
+static int surface_of(const struct step *s) {
+    return s->sample < 0 ? MOUNTED_REFERENCE : s->sample;
 }
 
-static int turn_by_hand(struct campaign *c, enum stage_axis which, int32_t target_udeg, struct err *e) {
+/* What the plan reads at a place without having asked for it stands there from the start. Whoever resumes a session
+ * of which samples were changed may have found anything in the holder. */
+void campaign_mounted_at_start(struct campaign *c) {
+    bool seen[CONFIG_POSITIONS] = {false}, changes = false;
+    for (int p = 0; p < CONFIG_POSITIONS; p++)
+        c->mounted[p] = MOUNTED_UNKNOWN;
+    for (int k = 0; k < c->plan->n_steps; k++)
+        changes |= c->plan->step[k].mounts;
+    if (changes && *c->current->session)
+        return;
+    for (int k = 0; k < c->plan->n_steps; k++) {
+        const struct step *s = &c->plan->step[k];
+        int place = shows_a_surface(s) ? place_of(c, surface_of(s)) : -1;
+        if (place < 0 || seen[place])
+            continue;
+        seen[place] = true;
+        c->mounted[place] = s->kind == STEP_HOLD ? MOUNTED_UNKNOWN : surface_of(s);
+    }
+}
+
+static int say_mount(const struct campaign *c, int surface, char *text, size_t size) {
+    const struct config_axis *holder = &c->setup.config->holder;
+    char name[64] = "the reference diffuser";
+    if (surface != MOUNTED_REFERENCE)
+        snprintf(name, sizeof name, "sample %s", c->job->sample[surface].name);
+    if (holder->kind == CONFIG_AXIS_MOTOR)
+        return snprintf(text, size, "mount %s at holder position %s", name,
+                        holder->position[place_of(c, surface)].name);
+    return snprintf(text, size, "put %s into the holder", name);
+}
+
+static struct axis *axis_to_turn(const struct campaign *c, const struct step *s, int which) {
     struct axis *axis = c->instruments.stage.axis[which];
-    struct axis_status s;
-    char text[120];
-    axis_status(axis, &s);
-    if (s.valid && s.position_udeg == target_udeg)
-        return 0;
-    snprintf(text, sizeof text, "Turn the %s axis to %.3f deg", stage_axis_name(which),
-             deg_from_udeg(target_udeg));
-    int result = campaign_hold(c, text, true, 0, e);
-    if (result == 0)
-        result = axis_begin_move(axis, target_udeg, e);
-    if (result < 0)
-        return result;
-    axis_confirm(axis, target_udeg);
+    struct axis_status status;
+    if (!s->target.used[which] || !axis || axis_config(axis)->kind != AXIS_MANUAL)
+        return NULL;
+    axis_status(axis, &status);
+    return status.valid && status.position_udeg == s->target.udeg[which] ? NULL : axis;
+}
+
+/* In the words of the plan's holds; also for a reading that is taken out of its order. */
+static bool say_what_is_missing(const struct campaign *c, const struct step *s, char *text, size_t size) {
+    size_t n = 0;
+    text[0] = 0;
+    if (shows_a_surface(s) && c->mounted[place_of(c, surface_of(s))] != surface_of(s))
+        n += say_mount(c, surface_of(s), text, size);
+    for (int a = 0; a < STAGE_AXES; a++)
+        if (axis_to_turn(c, s, a))
+            n += snprintf(text + n, size - n, "%sturn the %s axis to %g deg", n ? "; " : "",
+                          stage_axis_name(a), deg_from_udeg(s->target.udeg[a]));
+    return n > 0;
+}
+
+static int confirm_turned(struct campaign *c, const struct step *s, struct err *e) {
     const struct wiring *w = c->setup.wiring;
-    return w->turned ? w->turned(w->self, stage_axis_name(which), deg_from_udeg(target_udeg), e) : 0;
+    int result = 0;
+    for (int a = 0; a < STAGE_AXES && result == 0; a++) {
+        struct axis *axis = axis_to_turn(c, s, a);
+        if (!axis)
+            continue;
+        result = axis_begin_move(axis, s->target.udeg[a], e);
+        if (result == 0)
+            axis_confirm(axis, s->target.udeg[a]);
+        if (result == 0 && w->turned)
+            result = w->turned(w->self, stage_axis_name(a), deg_from_udeg(s->target.udeg[a]), e);
+    }
+    return result;
 }
 
 static const char *position_of(const struct campaign *c, const struct step *s) {
@@ -157,11 +202,13 @@ static int done_by_hand(struct campaign *c, const struct step *s, struct err *e)
 
 int campaign_hold_for_step(struct campaign *c, int k, struct err *e) {
     const struct step *s = &c->plan->step[k];
-    int result = mount_for_step(c, k, e);
-    for (int a = 0; a < STAGE_AXES && result == 0; a++) {
-        const struct axis *axis = c->instruments.stage.axis[a];
-        if (s->target.used[a] && axis && axis_config(axis)->kind == AXIS_MANUAL)
-            result = turn_by_hand(c, a, s->target.udeg[a], e);
-    }
+    char text[256];
+    int result = 0;
+    if (say_what_is_missing(c, s, text, sizeof text))
+        result = campaign_hold(c, text, true, 0, e);
+    if (result == 0)
+        result = confirm_turned(c, s, e);
+    if (result == 0 && shows_a_surface(s))
+        c->mounted[place_of(c, surface_of(s))] = surface_of(s);
     return result == 0 ? done_by_hand(c, s, e) : result;
 }

@@ -27,6 +27,8 @@
 #define CAMPAIGN_DARKS 24   /* more than the ladder of exposures has rungs */
 #define CAMPAIGN_REPEATS 3  /* of a step that failed for a passing reason, before the campaign holds */
 #define CAMPAIGN_RETRY_S 10 /* a hold on a condition tries again this often */
+#define MOUNTED_REFERENCE (-1)
+#define MOUNTED_UNKNOWN (-2)
 #define SURFACE_REFERENCE JOB_SAMPLES /* index of the diffuser in light[]; samples come first */
 #define SURFACES (JOB_SAMPLES + 2)
 
@@ -66,6 +68,8 @@ struct light { /* what auto-exposure knows of a surface: peak as a share of satu
 struct dark { /* when each sample's session last got a dark of this exposure time; INT64_MIN = never */
     int exposure_us;
     int64_t taken_us[JOB_SAMPLES];
+    uint32_t owed; /* samples whose readings wait for it: the shutter is worked by hand */
+    int64_t owed_us;
 };
 
 struct set { /* one set of scans between the spectrometer and the sessions */
@@ -126,7 +130,7 @@ struct campaign {
     int bracket, plan_bracket,
         last_bracket; /* running number (0 = none open); the plan's; the highest given */
     int64_t bracket_open_us;
-    int mounted; /* index of the hold that was last obeyed for a mounting; -1 = as at the start */
+    int mounted[CONFIG_POSITIONS]; /* by place of the holder: a sample, or one of MOUNTED_ */
 
     struct light light[SURFACES];
     struct dark dark[CAMPAIGN_DARKS];
@@ -136,6 +140,7 @@ struct campaign {
     int64_t last_set_us;
     bool spectrometer_suspect; /* its last call failed: it is opened again */
     int lamp;                  /* the shutter: 1 open, 0 shut, -1 not known */
+    int64_t shutter_us;        /* when a person last worked it */
     int64_t lamp_since_us;     /* when the lamp was first lit in this goniod; INT64_MIN = never */
     struct frame *frames;
     int n_frames;
@@ -188,6 +193,8 @@ int campaign_end_bracket(struct campaign *c, const char *why, struct err *e);
 /* campaign_expose.c */
 /* A set of scans of step k where the stage stands; shorter again while it saturates. */
 int campaign_expose(struct campaign *c, int k, const struct set *head, struct err *e);
+/* Takes the darks that readings wait for, where the shutter is worked by hand. */
+int campaign_owed_darks(struct campaign *c, int k, struct err *e);
 int campaign_set_lamp(struct campaign *c, bool on, struct err *e);
 
 /* campaign_store.c */
@@ -218,6 +225,7 @@ int campaign_fit_final(struct campaign *c, struct err *e);
 /* campaign_hold.c */
 int campaign_pause(struct campaign *c, struct err *e);
 int campaign_hold(struct campaign *c, const char *text, bool planned, int64_t retry_us, struct err *e);
+void campaign_mounted_at_start(struct campaign *c);
 int campaign_hold_for_samples(struct campaign *c, struct err *e);     /* of a job that waited in the queue */
 int campaign_hold_for_step(struct campaign *c, int k, struct err *e); /* mounting and turning by hand */
 

@@ -198,7 +198,8 @@ static int open_axis(struct instruments *i, enum stage_axis which, struct err *e
 
 int instruments_open_stage(struct instruments *i, const bool uses[STAGE_AXES], struct err *e) {
     for (int a = 0; a < STAGE_AXES; a++) {
-        if (!uses[a] || i->stage.axis[a])
+        bool motor = instruments_axis(i->config, a)->kind == CONFIG_AXIS_MOTOR;
+        if (i->stage.axis[a] || (motor ? !uses[a] : a == STAGE_HOLDER))
             continue;
         int result = open_axis(i, a, e);
         if (result < 0)

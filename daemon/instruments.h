@@ -38,6 +38,7 @@ struct wiring {
     int (*mount)(void *self, const struct job_sample *sample, struct err *e); /* at its holder position */
     int (*in_beam)(void *self, const char *holder_position, struct err *e);
     int (*turned)(void *self, const char *axis, double deg, struct err *e);
+    void (*shutter)(void *self, bool open);
     /* What a simulated sample truly is (simulate_surface.h), for its session; NULL = not known. */
     struct json_t *(*truth)(void *self, const struct job_sample *sample, const int mean_nm[2]);
     /* A session that is resumed holds this exposure: the simulated bench goes on behind it. NULL = nothing to
@@ -82,7 +83,7 @@ int instruments_load(struct instruments *i, struct bench *bench, const struct co
 void instruments_free(struct instruments *i);
 void instruments_plan_devices(const struct instruments *i, struct plan_devices *devices);
 
-/* Opens the axes that are used and not open yet. */
+/* Opens the motors that are used, and the axes a person turns or has fixed: these are no device. */
 int instruments_open_stage(struct instruments *i, const bool uses[STAGE_AXES], struct err *e);
 int instruments_open_spectrometer(struct instruments *i, const struct cancel *cancel, struct err *e);
 void instruments_close_spectrometer(struct instruments *i);

@@ -47,6 +47,7 @@ struct step {
     enum step_kind kind;
     int sample; /* index into job.sample; -1 = none */
     int bracket, opens;
+    bool mounts;   /* a STEP_HOLD that brings another surface into its place, not only turns an axis */
     bool control;  /* opens or closes a bracket */
     bool repeat;   /* a geometry measured again at the end, for reproducibility */
     int reference; /* step index of the reference reading a sample is divided by; -1 */
@@ -97,6 +98,10 @@ struct plan_devices {                          /* time and travel models, and th
 int plan_make(const struct job *job, const struct config *config, const struct plan_devices *devices,
               struct plan *plan, struct err_list *errors);
 void plan_free(struct plan *plan);
+/* Stops on the way from where the stage stands, where the straight one touches a keep-out zone; -1 = no way. */
+int plan_way(const struct config *config, const struct plan_devices *devices,
+             const int32_t from_udeg[STAGE_AXES], const struct stage_target *to,
+             struct stage_target via[PLAN_VIA]);
 const char *step_kind_name(enum step_kind kind);                            /* "reference" */
 void plan_print(const struct plan *plan, const struct job *job, FILE *out); /* for people */
 struct json_t *plan_to_json(const struct plan *plan, const struct job *job);

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "daemon/plan_parts.h"
+#include "proto/profile.h"
 #include "proto/units.h"
 
 #define CLEARANCE_UDEG 500000 /* how far from a zone's edge a way round it keeps */
@@ -21,11 +22,25 @@ bool plan_in_zone(const struct planner *p, int32_t source_udeg, int32_t sample_u
     return false;
 }
 
+/* How far an axis may overshoot so that it arrives from its usual side (drivers/stage.c keeps the same margin). */
+static int32_t overshoot_udeg(const struct planner *p, enum stage_axis axis, int32_t from_udeg,
+                              int32_t to_udeg) {
+    const struct profile *profile = p->devices->profile[axis];
+    return profile && from_udeg != to_udeg ? abs(udeg_from_deg(profile->backlash_deg)) : 0;
+}
+
+static bool sweeps(const struct planner *p, enum stage_axis axis, const double zone_deg[2], int32_t from_udeg,
+                   int32_t to_udeg) {
+    int32_t more = overshoot_udeg(p, axis, from_udeg, to_udeg);
+    int32_t low = from_udeg < to_udeg ? from_udeg : to_udeg, high = from_udeg < to_udeg ? to_udeg : from_udeg;
+    return overlaps(zone_deg, low - more, high + more);
+}
+
 /* Axes that move together may pass any point of the rectangle between their ends: none may be forbidden. */
 bool plan_way_clear(const struct planner *p, const struct plan_pose *from, const struct plan_pose *to) {
     for (int i = 0; i < p->config->n_keep_out; i++)
-        if (overlaps(p->config->keep_out[i].source_deg, from->source_udeg, to->source_udeg) &&
-            overlaps(p->config->keep_out[i].sample_deg, from->sample_udeg, to->sample_udeg))
+        if (sweeps(p, STAGE_SOURCE, p->config->keep_out[i].source_deg, from->source_udeg, to->source_udeg) &&
+            sweeps(p, STAGE_SAMPLE, p->config->keep_out[i].sample_deg, from->sample_udeg, to->sample_udeg))
             return false;
     return true;
 }
@@ -97,4 +112,19 @@ int plan_route(const struct planner *p, const struct plan_pose *from, const stru
             }
     }
     return before[1] < 0 ? -1 : unwind(corner, before, via);
+}
+
+int plan_way(const struct config *config, const struct plan_devices *devices,
+             const int32_t from_udeg[STAGE_AXES], const struct stage_target *to,
+             struct stage_target via[PLAN_VIA]) {
+    struct planner p = {.config = config, .devices = devices};
+    struct plan_pose from = {from_udeg[STAGE_SOURCE], from_udeg[STAGE_SAMPLE], 0}, end = from;
+    if (to->used[STAGE_SOURCE])
+        end.source_udeg = to->udeg[STAGE_SOURCE];
+    if (to->used[STAGE_SAMPLE])
+        end.sample_udeg = to->udeg[STAGE_SAMPLE];
+    int n = plan_route(&p, &from, &end, via);
+    for (int i = 0; i < n; i++) /* what a person turns stands already */
+        via[i].used[STAGE_SAMPLE] = config->sample.kind == CONFIG_AXIS_MOTOR;
+    return n;
 }

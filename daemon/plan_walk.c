@@ -94,6 +94,7 @@ static void hold_if_needed(struct plan_walk *w, int surface, const struct plan_p
         say_mount(w->p, surface, place, what, sizeof what);
     struct step *step = add_step(w, STEP_HOLD);
     step->sample = surface < 0 ? -1 : surface;
+    step->mounts = mount;
     step->estimate_us = plan_hold_time_us();
     if (turn) {
         step->target.used[STAGE_SAMPLE] = true;

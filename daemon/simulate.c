@@ -89,6 +89,7 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     s.beam_mm = config->optics.beam_mm;
     s.view_mm = config->optics.view_mm;
     s.lamp_warm_up_min = config->lamp_warm_up_min;
+    s.shutter_by_hand = config->shutter != SHUTTER_LAMP_LINE;
     set_axes(&s, config);
     set_positions(&s, &config->holder);
     if (options->nominal)
@@ -102,6 +103,8 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
         free(new);
         return result;
     }
+    if (config->shutter == SHUTTER_NONE)
+        sim_bench_shutter(new->bench, true);
     *simulate = new;
     return 0;
 }
@@ -236,6 +239,10 @@ static int turned(void *self, const char *axis, double deg, struct err *e) {
     return sim_bench_turn(s->bench, axis, deg, e);
 }
 
+static void shutter(void *self, bool open) {
+    sim_bench_shutter(((struct simulate *)self)->bench, open);
+}
+
 /* ---- a session that goes on ---- */
 
 static struct visit *visit_of(struct simulate *s, const struct visit *state) {
@@ -284,6 +291,7 @@ void simulate_wiring(struct simulate *s, struct wiring *wiring) {
                               .mount = mount,
                               .in_beam = in_beam,
                               .turned = turned,
+                              .shutter = shutter,
                               .truth = truth,
                               .seen_before = seen_before};
 }

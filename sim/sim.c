@@ -86,7 +86,13 @@ static void frame(void *self, const struct ocean_window *w, uint16_t *counts) {
 }
 
 static void lamp(void *self, int64_t now_us, bool on) {
-    lamp_switch(&((struct sim_bench *)self)->truth.lamp, now_us, on);
+    struct sim_bench *b = self;
+    if (!b->config.shutter_by_hand)
+        lamp_switch(&b->truth.lamp, now_us, on);
+}
+
+void sim_bench_shutter(struct sim_bench *bench, bool open) {
+    lamp_switch(&bench->truth.lamp, clock_now_us(bench->clock), open);
 }
 
 int sim_bench_new(struct sim_bench **bench, const struct sim_config *config, struct clock *clock,

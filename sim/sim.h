@@ -65,6 +65,7 @@ struct sim_config {
     double stray_light; /* of the spectrometer: share of the mean signal on every pixel */
     double halo;        /* of the bench: light past the surface, share of a white one at normal incidence */
     double certificate_u_rel; /* common factor of the diffuser against its certificate */
+    bool shutter_by_hand;     /* the lamp line is not wired: sim_bench_shutter lets the light through */
     bool quiet;               /* no noise, no drift, no draws: for exact tests */
     int n_axes;
     struct sim_axis_config axis[SIM_AXES];
@@ -86,6 +87,8 @@ int sim_bench_mount(struct sim_bench *bench, const char *holder_position, const 
  * turns it to a user angle. -ERR_INPUT: no such position or role. */
 int sim_bench_hold(struct sim_bench *bench, const char *holder_position, struct err *e);
 int sim_bench_turn(struct sim_bench *bench, const char *role, double user_deg, struct err *e);
+/* A person opens or shuts the shutter of a lamp that burns; also where there is none and light always falls. */
+void sim_bench_shutter(struct sim_bench *bench, bool open);
 /* Where an axis truly stands now: user coordinates against the true zero, gear and repeatability included.
  * For tests and for the demo's table; nothing of goniod may see it. */
 double sim_bench_true_deg(const struct sim_bench *bench, const char *role);

@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <cmocka.h>
 #include <dirent.h>
+#include <jansson.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -64,6 +65,9 @@ static bool is_due(struct lab *lab) {
         return true;
     const struct lab_line *l = &lab->line[lab->fired];
     enum campaign_state state = campaign_state(lab->campaign);
+    lab->helped &= state == CAMPAIGN_HELD;
+    if (lab->helpful && state == CAMPAIGN_HELD)
+        return !lab->helped;
     if (lab->fired == lab->n_lines && campaign_jobs_ended(lab->campaign) >= (lab->jobs ? lab->jobs : 1))
         return !lab->over && campaign_state_is_rest(state);
     if (lab->fired == lab->n_lines)
@@ -77,13 +81,30 @@ static int64_t due_us(void *self) {
     return is_due(lab) ? clock_now_us(lab->bench.clock) : CLOCK_NEVER;
 }
 
+/* Somebody reads what the hold asks for, and does it. */
+static void help(struct lab *lab) {
+    const struct desk_snapshot *s = desk_snapshot_get(lab->desk);
+    json_t *json = json_loads(s->json, 0, NULL);
+    desk_snapshot_put(s);
+    if (lab->n_holds < LAB_HOLDS)
+        snprintf(lab->hold[lab->n_holds], sizeof lab->hold[0], "%s",
+                 json_string_value(json_object_get(json, "hold")));
+    lab->n_holds++;
+    lab->helped = true;
+    json_decref(json);
+}
+
 static void fire(void *self) {
     struct lab *lab = self;
     struct desk_order order = {.command = COMMAND_INTERRUPT};
     lab->fired_us = clock_now_us(lab->bench.clock);
-    if (lab->refused || lab->fired == lab->n_lines) {
+    bool held = lab->helpful && campaign_state(lab->campaign) == CAMPAIGN_HELD;
+    if (lab->refused || (lab->fired == lab->n_lines && !held)) {
         lab->over = true;
         lab->ended = campaign_state(lab->campaign);
+    } else if (held) {
+        help(lab);
+        order.command = COMMAND_CONTINUE;
     } else if (lab->line[lab->fired].kill) {
         kill(getpid(), SIGKILL);
     } else {

@@ -16,6 +16,7 @@
 #include "proto/session.h"
 
 #define LAB_LINES 16
+#define LAB_HOLDS 64
 
 struct lab_line {
     int steps;                 /* done, at least */
@@ -39,7 +40,11 @@ struct lab {
     enum campaign_state ended; /* how the last campaign ended */
     int refused;               /* code of the first order that was refused, with its sentence */
     char refusal[2048];
-    int jobs; /* how many campaigns must have ended before the lab is over; 0 = 1 */
+    int jobs;     /* how many campaigns must have ended before the lab is over; 0 = 1 */
+    bool helpful; /* somebody does what each hold asks for, and says continue */
+    bool helped;  /* with the hold at hand */
+    int n_holds;  /* what was asked of them so far */
+    char hold[LAB_HOLDS][256];
     bool over;
 };
 
