@@ -217,8 +217,8 @@ void fit_points_free(struct fit_points *f);
 int fit_points_exposure(struct fit_points *f, int64_t id, bool mirrored);
 int fit_points_add(struct fit_points *f, const struct point *p);
 void fit_points_bracket(struct fit_points *f, const struct bracket *b);
-void campaign_fit_point(struct campaign *c, struct measured *m);   /* a point is new */
-void campaign_fit_next(struct campaign *c); /* asks, if one is wanted and none is open */
+void campaign_fit_point(struct campaign *c, struct measured *m); /* a point is new */
+void campaign_fit_next(struct campaign *c);                      /* asks, if one is wanted and none is open */
 json_t *campaign_fit_setup(const struct campaign *c);
 int campaign_fit_final(struct campaign *c, struct err *e);
 

@@ -57,7 +57,7 @@ static int store(const char *state_dir, const json_t *all, struct err *e) {
 }
 
 int drives_record(const char *state_dir, const struct config_axis *axis, const struct profile *p,
-                 const struct drive_record *record, struct err *e) {
+                  const struct drive_record *record, struct err *e) {
     char key[160];
     unit_key(axis, key, sizeof key);
     json_t *all = load(state_dir);

@@ -14,7 +14,7 @@
  * Rules      no absolute move unless the position is valid (design 4.2, stage-modbus.md 5.3); a command that
  * timed out is never replayed blindly: status is read first. A manual axis completes when the person confirms
  *            (axis_confirm); a fixed axis accepts its own angle only.
- * Checked    tests/unit/test_axis.c, tests/scenario/test_motion.c, tests/wire/
+ * Checked    tests/unit/test_axis.c, tests/unit/test_axis_readings.c, tests/scenario/test_motion.c, tests/wire/
  */
 #ifndef DRIVERS_AXIS_H
 #define DRIVERS_AXIS_H

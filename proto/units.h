@@ -3,7 +3,9 @@
  *
  * Stage positions are integer microdegrees (udeg), times are integer microseconds (us), wavelengths
  * nanometres, angles degrees at every edge and radians inside fit and render. udeg_from_deg rounds to
- * nearest, half away from zero. Domain: |deg| < 2,000 (fits int32 with room). Checked tests/unit/test_units.c
+ * nearest, half away from zero.
+ * Domain     |deg| < 2,000 (fits int32 with room).
+ * Checked    tests/unit/test_units.c
  */
 #ifndef PROTO_UNITS_H
 #define PROTO_UNITS_H

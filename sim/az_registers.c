@@ -45,6 +45,7 @@ enum {
     ALARM_NO_COORDINATES = 0x4A,
     ALARM_HARD_LIMIT = 0x66,
     ALARM_SOFT_LIMIT = 0x67,
+    ALARM_BAD_DATA = 0x70,
     ALARM_COMM_TIMEOUT = 0x85
 };
 
@@ -106,7 +107,7 @@ static void go(struct az_unit *u, int64_t now_us, int64_t start_us, const struct
 }
 
 static int check_order(const struct order *o) {
-    if (o->type < 1 || o->type > 3 || o->speed == 0 || abs(o->speed) > SPEED_MAX)
+    if (o->type < 1 || o->type > 3 || o->speed == 0 || o->speed < -SPEED_MAX || o->speed > SPEED_MAX)
         return BAD_VALUE;
     if (o->accel < 1 || o->accel > ACCEL_MAX || o->decel < 1 || o->decel > ACCEL_MAX)
         return BAD_VALUE;
@@ -130,10 +131,15 @@ static int execute(struct az_unit *u, int64_t now_us) {
     int32_t from = o.type == 2   ? u->plant.target_steps
                    : o.type == 3 ? (int32_t)lround(plant_motor_steps(&u->plant, now_us))
                                  : 0;
+    int64_t target = (int64_t)from + o.position;
+    if (target < INT32_MIN || target > INT32_MAX) {
+        raise_alarm(u, ALARM_BAD_DATA, now_us);
+        return 0;
+    }
     int64_t start_us = now_us + PLANT_START_US;
     if (o.destination == 1 && plant_end_us(&u->plant) > start_us)
         start_us = plant_end_us(&u->plant);
-    go(u, now_us, start_us, &(struct plant_order){from + o.position, abs(o.speed), o.accel, o.decel});
+    go(u, now_us, start_us, &(struct plant_order){(int32_t)target, abs(o.speed), o.accel, o.decel});
     return 0;
 }
 
@@ -228,7 +234,8 @@ static bool writable(int addr) {
 
 static int take_effect(struct az_unit *u, int64_t now_us, int first, int last, const uint16_t *before) {
     bool all = first <= REG_TRIGGER + 1 && last >= REG_TRIGGER + 1 && item(u, REG_TRIGGER) == 1;
-    int single = -item(u, REG_TRIGGER); /* 1 = current ... 7 = data number, back from the trigger */
+    int64_t single =
+        -(int64_t)item(u, REG_TRIGGER); /* 1 = current ... 7 = data number, back from the trigger */
     bool one = single >= 1 && single <= 7 && first <= REG_TRIGGER - 2 * single + 1 &&
                last >= REG_TRIGGER - 2 * single + 1;
     int bad = all || one ? execute(u, now_us) : 0;

@@ -160,6 +160,23 @@ static void test_an_order_under_way_is_replaced(void **state) {
     rig_free(&r);
 }
 
+/* What a host may write, and no drive can do: answered, and nothing turns. */
+static void test_absurd_orders_turn_nothing(void **state) {
+    (void)state;
+    struct rig r;
+    rig_new(&r, NULL);
+    assert_int_equal(order(&r, 1, 1000, INT32_MIN, 2000), 4);
+    assert_int_equal(order(&r, 1, 1000, 2000, INT32_MIN), 4);
+    assert_int_equal(order(&r, 1, 1000, 2000, 2000), 0);
+    wait_ms(&r, 3000);
+    assert_int_equal(order(&r, 2, INT32_MAX, 2000, 2000), 0); /* past the end of 32 bits */
+    assert_int_equal(get(&r, 0x80), 0x70);
+    put(&r, 0x66, INT32_MIN);
+    wait_ms(&r, 100);
+    assert_int_equal(get(&r, 0xCC), 1000);
+    rig_free(&r);
+}
+
 static void no_coordinates(struct sim_config *c) {
     c->axis[0].no_coordinates = true;
 }
@@ -371,6 +388,7 @@ int main(void) {
         cmocka_unit_test(test_a_short_move_is_a_triangle),
         cmocka_unit_test(test_stop_is_a_level),
         cmocka_unit_test(test_an_order_under_way_is_replaced),
+        cmocka_unit_test(test_absurd_orders_turn_nothing),
         cmocka_unit_test(test_no_absolute_move_without_coordinates),
         cmocka_unit_test(test_limits_stop_with_their_alarm),
         cmocka_unit_test(test_a_silent_bus_trips_the_watchdog),
