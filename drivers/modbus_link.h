@@ -27,7 +27,7 @@
 
 struct modbus_request {
     int unit;
-    int function; /* 3 read, 6 write one, 16 write */
+    int function; /* 3 read (4: input registers), 6 write one, 16 write */
     int addr;     /* PDU address, counted from 0 */
     int count;    /* registers */
     uint16_t regs[MODBUS_REGS_MAX];

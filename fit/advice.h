@@ -3,8 +3,8 @@
  *
  * From the Fisher information of the points there are: of all candidates (incidence 10..60 deg, or as far as
  * measured; viewing -80..80 deg; every 5 deg, none nearer than 8 deg to the source) the one that takes most
- * off the parameter's variance when measured with the set's own relative uncertainty. Checked
- * tests/unit/test_estimate_limits.c
+ * off the parameter's variance when measured with the set's own relative uncertainty.
+ * Checked    tests/unit/test_estimate_limits.c
  */
 #ifndef FIT_ADVICE_H
 #define FIT_ADVICE_H

@@ -192,7 +192,11 @@ static int fit_models(const char *path, const struct options *o, struct result *
         data.input.model = name;
         data.input.trace = &r->trace;
         status = fitset_fit(&data, &r->estimate, &e);
-        if (status) {
+        if (status == -ERR_FIT) { /* a model that these points defeat does not take the others along */
+            snprintf(r->estimate.model, sizeof r->estimate.model, "%s", name);
+            snprintf(r->estimate.refusal, sizeof r->estimate.refusal, "%.255s", e.text);
+            status = 0;
+        } else if (status) {
             err_list_add(errors, &e);
         }
     }

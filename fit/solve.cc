@@ -118,6 +118,23 @@ void minimise(const struct problem *p, const bool *held, struct solve_result *re
     }
 }
 
+/* Nothing to search for: the cost where it is held. */
+void evaluate_held(const struct problem *p, struct solve_result *result) {
+    std::vector<double> residuals(p->n);
+    std::vector<const double *> blocks;
+    for (int j = 0; j < p->k; j++) {
+        blocks.push_back(&result->x[j]);
+    }
+    result->chi2 = NAN;
+    if (Residuals(p).Evaluate(blocks.data(), residuals.data(), nullptr)) {
+        result->chi2 = 0;
+        for (double r : residuals) {
+            result->chi2 += r * r;
+        }
+    }
+    result->converged = true;
+}
+
 bool all_held(const struct problem *p, const bool *held) {
     return held && std::all_of(held, held + p->k, [](bool h) { return h; });
 }
@@ -136,13 +153,18 @@ int solve_run(const struct problem *p, const double *start, const bool *held, st
             }
             result->x[j] = start[j];
         }
-        if (p->n == 0 || all_held(p, held)) {
-            return err_set(e, ERR_FIT, "nothing to fit: no points or no free parameter");
+        if (p->n == 0) {
+            return err_set(e, ERR_FIT, "nothing to fit: there are no points");
         }
         std::string failure;
-        minimise(p, held, result, trace, &failure);
+        if (all_held(p, held)) {
+            evaluate_held(p, result);
+        } else {
+            minimise(p, held, result, trace, &failure);
+        }
         if (!failure.empty() || !std::isfinite(result->chi2)) {
-            return err_set(e, ERR_FIT, "the solver failed: %s", failure.c_str());
+            return err_set(e, ERR_FIT, "the solver failed: %s",
+                           failure.empty() ? "its cost is no number" : failure.c_str());
         }
         return 0;
     } catch (const std::bad_alloc &) {

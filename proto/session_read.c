@@ -97,6 +97,11 @@ int session_get_calibration(struct session *s, struct calibration *c, struct err
     query_reset(q);
     if (rc == 0)
         return err_set(e, ERR_STATE, "%s: holds no calibration of a spectrometer", s->path);
+    if (rc == 1 &&
+        (c->nonlinearity_order < 0 || c->nonlinearity_order > 7)) /* it counts through nonlinearity[] */
+        return err_set(e, ERR_INPUT,
+                       "%s: its calibration is damaged: non-linearity of order %d, expected 0..7", s->path,
+                       c->nonlinearity_order);
     return rc < 0 ? rc : 0;
 }
 

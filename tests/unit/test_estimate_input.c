@@ -104,6 +104,24 @@ static void senseless_data_end_in_words_not_in_a_crash(void **state) {
     }
 }
 
+/* A model with one parameter, and that at its bound: nothing is left to search, and the limit is found all the same. */
+static void the_only_parameter_may_end_at_its_bound(void **state) {
+    (void)state;
+    struct estimate estimate;
+    struct err e = {0};
+    goniometry_make(&m, goniometry_set[2], 60, 10);
+    m.input.model = "lambert";
+    for (size_t i = 0; i < m.input.n; i++) {
+        m.beta[i] = i % 2 ? -0.011 : 0.009;
+        m.u[i] = 0.01;
+    }
+    assert_int_equal(estimate_fit(&m.input, &estimate, &e), 0);
+    assert_true(estimate.converged && estimate.at_bound[MATERIAL_S]);
+    /* mean -0.001, u 0.01 / sqrt(n): the limit lies where the cost has risen by 1.645^2 over that at the bound */
+    double u2 = 1e-4 / (double)m.input.n, off = 1e-4 + 0.001;
+    assert_float_equal(estimate.limit_95[MATERIAL_S], sqrt(off * off + 2.7055 * u2) - 0.001, 2e-6);
+}
+
 static void too_few_geometries_are_refused_in_words(void **state) {
     (void)state;
     struct estimate estimate;
@@ -211,6 +229,7 @@ int main(void) {
         cmocka_unit_test(values_outside_the_domain_name_their_point),
         cmocka_unit_test(odd_but_possible_values_are_taken),
         cmocka_unit_test(senseless_data_end_in_words_not_in_a_crash),
+        cmocka_unit_test(the_only_parameter_may_end_at_its_bound),
         cmocka_unit_test(too_few_geometries_are_refused_in_words),
         cmocka_unit_test(a_growing_set_is_answered_honestly_at_every_size),
         cmocka_unit_test(diffuse_angles_alone_do_not_make_a_lobe),

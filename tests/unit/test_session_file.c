@@ -331,6 +331,19 @@ static void sets_of_one_state_may_overlap_by_their_bounds(void **state) {
     err_list_free(&found);
 }
 
+static void a_calibration_that_would_be_read_past_its_end_is_refused(void **state) {
+    (void)state;
+    struct calibration c;
+    struct session *s;
+    ROW_OK(session_close(fill(2), e));
+    assert_int_equal(
+        raw_sql("DROP TRIGGER calibration_no_update; UPDATE calibration SET nonlinearity_order = 1000"),
+        SQLITE_OK);
+    ROW_OK(session_open(&s, path, true, e));
+    assert_int_equal(session_get_calibration(s, &c, NULL), -ERR_INPUT);
+    ROW_OK(session_close(s, e));
+}
+
 static void verify_finds_what_was_tampered_with(void **state) {
     (void)state;
     verify_finds("DROP TRIGGER exposure_no_update; UPDATE exposure SET start_us = settled_us WHERE id = 2",
@@ -439,6 +452,7 @@ int main(void) {
         TEST(network_file_systems_are_known),
         TEST(a_copy_of_a_live_session_is_whole),
         TEST(sets_of_one_state_may_overlap_by_their_bounds),
+        TEST(a_calibration_that_would_be_read_past_its_end_is_refused),
         TEST(verify_finds_what_was_tampered_with),
         TEST(damage_inside_is_found),
         TEST(a_cut_off_session_without_rights_says_so),
