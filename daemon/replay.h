@@ -9,8 +9,9 @@
  *   d = measured - simulated,   V = covariance of d (measurement.md 8),   z = d / u with u^2 its diagonal
  *
  * V          both sides' u_ind; every named common part but the certificate; the drift within brackets; the slopes of
- *            the surface times repeatability (both sides) and zeros (estimate only). The certificate's draw is the same
- *            on both sides: the truth is seen past the same diffuser, and the estimate has taken it in.
+ *            the surface times repeatability (both sides); for an estimate also the zeros, and its own covariance. The
+ *            certificate's draw is the same on both sides: the truth is seen past the same diffuser, and the estimate
+ *            has taken it in.
  * Neighbours t = a point's difference against what all others and V let expect there, in units of its own standard
  *            deviation; a point that was spoilt alone stands out in t more than in z.
  * Surfaces   REPLAY_TRUTH mounts the text "truth" on the bench of the session's own seed: the same bytes come out where

@@ -122,11 +122,13 @@ static double chi2_of(const struct whitened *w, double factor) {
     return sum;
 }
 
-static double factor_of(const struct whitened *w) {
+/* Weighted point by point: with V, which may itself hold a common factor, the weights would pull it away from 1. */
+static double factor_of(const struct replay *r) {
     double up = 0, down = 0;
-    for (int i = 0; i < w->n; i++) {
-        up += w->measured[i] * w->simulated[i];
-        down += w->simulated[i] * w->simulated[i];
+    for (int i = 0; i < r->n; i++) {
+        const struct replay_point *p = &r->point[i];
+        up += p->measured * p->simulated / (p->u * p->u);
+        down += p->simulated * p->simulated / (p->u * p->u);
     }
     return up / down;
 }
@@ -238,7 +240,7 @@ static void judge(struct replay *r, struct whitened *w, struct others *o, double
     for (int i = 0; i < r->n; i++)
         r->point[i].t = against_others(o, i);
     look_along(r, w);
-    r->factor = factor_of(w);
+    r->factor = factor_of(r);
     r->chi2 = chi2_of(w, 1);
     r->chi2_limit = quality_chi2_limit(r->n, 2.0 * r->n);
     r->cause = find_cause(r, w, o, column);
@@ -257,8 +259,9 @@ int replay_compare(struct replay *r, const struct recording *recording, enum rep
     struct others o = {.w = room + n * n, .wd = room + 2 * n * n + 2 * n};
     r->identical =
         measured->size == simulated->size && !memcmp(measured->rows, simulated->rows, measured->size);
-    replay_covariance(w.root, r, recording, surface, measured, simulated);
-    rc = replay_whiten(w.root, r->n, e);
+    rc = replay_covariance(w.root, r, recording, surface, measured, simulated, e);
+    if (rc == 0)
+        rc = replay_whiten(w.root, r->n, e);
     if (rc == 0)
         judge(r, &w, &o, room + 2 * n * n + 3 * n);
     free(room);

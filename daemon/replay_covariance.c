@@ -1,28 +1,57 @@
 #include "daemon/replay_private.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "fit/drift.h"
+#include "fit/reflectance.h"
 #include "proto/units.h"
 
 #define SLOPE_STEP_DEG 0.02
 
-struct slopes { /* of the surface's visible mean, per degree of each axis: source, sample */
-    double of[2];
+struct slopes {                     /* of the surface's visible mean */
+    double of[2];                   /* per degree of each axis: source, sample */
+    double by[MATERIAL_PARAMETERS]; /* per unit of each parameter of the estimate */
 };
 
 /* A mirrored geometry has both axes negated, and so both slopes. */
-static struct slopes slopes_at(const struct recording *r, const struct replay_point *p) {
+static void find_slopes(const struct recording *r, const struct replay_point *p, struct slopes *s) {
     const struct simulate_surface *f = &r->surface[0].surface;
     const double i = p->theta_i_deg, v = p->theta_v_deg, h = SLOPE_STEP_DEG;
     const int *nm = r->mean_nm;
     double by_i = (simulate_surface_mean(f, i + h, v, nm) - simulate_surface_mean(f, i - h, v, nm)) / (2 * h);
     double by_v = (simulate_surface_mean(f, i, v + h, nm) - simulate_surface_mean(f, i, v - h, nm)) / (2 * h);
     double sign = p->mirrored ? -1 : 1;
-    bool known =
-        isfinite(by_i) && isfinite(by_v); /* at grazing angles the surface has no slope to speak of */
-    return known ? (struct slopes){{sign * by_i, sign * (by_v - by_i)}} : (struct slopes){{0, 0}};
+    *s = (struct slopes){0};
+    if (!isfinite(by_i) || !isfinite(by_v))
+        return; /* at grazing angles the surface has no slope to speak of */
+    s->of[0] = sign * by_i;
+    s->of[1] = sign * (by_v - by_i);
+}
+
+static void find_gradient(const struct estimate *m, const struct replay_point *p, struct slopes *s) {
+    enum reflectance_model model;
+    struct reflectance_geometry g;
+    double beta, gradient[MATERIAL_PARAMETERS];
+    if (reflectance_find(m->model, &model, NULL) < 0 ||
+        reflectance_geometry(&g, p->theta_i_deg, p->theta_v_deg, NULL) < 0 ||
+        reflectance_eval(model, 1, &g, m->value, m->kappa, m->q, &beta, gradient, NULL) < 0)
+        return;
+    for (int j = 0; j < reflectance_parameters(model); j++)
+        s->by[reflectance_parameter(model, j)] = gradient[j];
+}
+
+/* What the uncertainty of the estimate leaves open. Where a covariance is not known the parameter stays as it is. */
+static double of_estimate(const struct estimate *m, const struct slopes *a, const struct slopes *b) {
+    double sum = 0;
+    for (int i = 0; i < MATERIAL_PARAMETERS; i++)
+        for (int k = 0; k < MATERIAL_PARAMETERS; k++) {
+            double c = a->by[i] * b->by[k];
+            c = c != 0 ? c * (m->statistical[i][k] + m->common[i][k]) : 0;
+            sum += isfinite(c) ? c : 0;
+        }
+    return sum;
 }
 
 static double product(const struct slopes *a, const struct slopes *b, const double u_deg[2]) {
@@ -46,26 +75,50 @@ static double shared(const struct derived_point *p, const struct derived_point *
     return sum;
 }
 
-void replay_covariance(double *v, struct replay *r, const struct recording *recording,
-                       enum replay_surface surface, const struct derived *measured,
-                       const struct derived *simulated) {
+struct sides {
+    const struct recording *recording;
+    const struct derived *measured, *simulated;
+    bool estimated;
+    const struct slopes *slopes; /* of each point */
+};
+
+static double covariance(const struct sides *s, const struct replay *r, int i, int k) {
+    const int *a = r->point[i].row, *b = r->point[k].row;
+    double c = shared(&s->measured->point[a[0]], &s->measured->point[b[0]]) +
+               shared(&s->simulated->point[a[1]], &s->simulated->point[b[1]]);
+    if (!s->estimated)
+        return c;
+    return c + product(&s->slopes[i], &s->slopes[k], s->recording->u_zero_deg) +
+           of_estimate(&s->recording->estimate, &s->slopes[i], &s->slopes[k]);
+}
+
+static double independent(const struct sides *s, const struct replay *r, int i) {
+    const int *row = r->point[i].row;
+    return s->measured->point[row[0]].variance + s->simulated->point[row[1]].variance +
+           2 * product(&s->slopes[i], &s->slopes[i], s->recording->u_repeat_deg);
+}
+
+int replay_covariance(double *v, struct replay *r, const struct recording *recording,
+                      enum replay_surface surface, const struct derived *measured,
+                      const struct derived *simulated, struct err *e) {
+    struct slopes *slopes = calloc(r->n, sizeof *slopes);
+    const struct sides sides = {recording, measured, simulated, surface == REPLAY_ESTIMATE, slopes};
+    if (!slopes)
+        return err_set(e, ERR_NOMEM, "no memory for the slopes of %d points", r->n);
     for (int i = 0; i < r->n; i++) {
         struct replay_point *p = &r->point[i];
-        const struct derived_point *pm = &measured->point[p->row[0]], *ps = &simulated->point[p->row[1]];
-        const struct slopes a = slopes_at(recording, p);
-        for (int k = 0; k <= i; k++) {
-            const struct replay_point *q = &r->point[k];
-            const struct slopes b = slopes_at(recording, q);
-            double *c = &v[(size_t)i * r->n + k];
-            *c = shared(pm, &measured->point[q->row[0]]) + shared(ps, &simulated->point[q->row[1]]);
-            if (surface == REPLAY_ESTIMATE)
-                *c += product(&a, &b, recording->u_zero_deg);
-        }
-        double *own = &v[(size_t)i * r->n + i];
-        *own += pm->variance + ps->variance + 2 * product(&a, &a, recording->u_repeat_deg);
-        p->u = sqrt(*own);
+        double *row = v + (size_t)i * r->n;
+        find_slopes(recording, p, &slopes[i]);
+        if (sides.estimated)
+            find_gradient(&recording->estimate, p, &slopes[i]);
+        for (int k = 0; k <= i; k++)
+            row[k] = covariance(&sides, r, i, k);
+        row[i] += independent(&sides, r, i);
+        p->u = sqrt(row[i]);
         p->z = (p->measured - p->simulated) / p->u;
     }
+    free(slopes);
+    return 0;
 }
 
 /* ---- linear algebra ---- */

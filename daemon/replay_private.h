@@ -24,6 +24,7 @@ struct recording {
     int64_t utc_start_us; /* UTC at time 0 of the session */
     int mean_nm[2];
     double u_repeat_deg[2], u_zero_deg[2]; /* source, sample axis */
+    struct estimate estimate;              /* where that is the surface */
     int n_surfaces; /* [0] is the sample's own, then those of the job's other samples */
     struct {
         char sample[48];
@@ -68,9 +69,9 @@ int replay_measure(const struct recording *r, const struct replay_options *optio
                    char path[PATH_MAX], struct err *e);
 
 /* V of the differences r->point[] into v[n * n], and u and z of each point. */
-void replay_covariance(double *v, struct replay *r, const struct recording *recording,
-                       enum replay_surface surface, const struct derived *measured,
-                       const struct derived *simulated);
+int replay_covariance(double *v, struct replay *r, const struct recording *recording,
+                      enum replay_surface surface, const struct derived *measured,
+                      const struct derived *simulated, struct err *e);
 /* v (lower triangle) becomes the inverse of its Cholesky factor: root v root^T = 1. -ERR_RANGE: not positive. */
 int replay_whiten(double *v, int n, struct err *e);
 

@@ -77,13 +77,12 @@ static int note_begin(void *arg, int64_t us, const char *kind, const char *text)
 /* ---- what stood there ---- */
 
 static int own_surface(struct session *s, enum replay_surface which, struct simulate_surface *surface,
-                       struct err *e) {
-    struct estimate m;
+                       struct estimate *m, struct err *e) {
     json_t *truth = NULL;
     if (which == REPLAY_ESTIMATE) {
-        if (session_last_estimate(s, &m, NULL) < 0)
+        if (session_last_estimate(s, m, NULL) < 0)
             return err_set(e, ERR_INPUT, "the session has no fitted estimate: there is nothing to mount");
-        return simulate_surface_from_estimate(&m, surface, e);
+        return simulate_surface_from_estimate(m, surface, e);
     }
     int rc = session_text_json(s, "truth", &truth, e);
     if (rc == 0)
@@ -100,10 +99,12 @@ static int own_surface(struct session *s, enum replay_surface which, struct simu
 static void sibling_surface(struct recording *r, const char *path, enum replay_surface which) {
     struct session *s;
     json_t *sample = NULL;
+    struct estimate estimate;
     struct simulate_surface *surface = &r->surface[r->n_surfaces].surface;
     if (access(path, F_OK) != 0 || session_open(&s, path, true, NULL) < 0)
         return;
-    if (session_text_json(s, "sample", &sample, NULL) == 0 && own_surface(s, which, surface, NULL) == 0) {
+    if (session_text_json(s, "sample", &sample, NULL) == 0 &&
+        own_surface(s, which, surface, &estimate, NULL) == 0) {
         copy_name(sample, "name", r->surface[r->n_surfaces].sample, sizeof r->surface[0].sample);
         r->n_surfaces += strcmp(r->surface[r->n_surfaces].sample, r->sample) != 0;
     }
@@ -141,7 +142,7 @@ static int read_all(struct recording *r, struct session *s, enum replay_surface 
     if (rc == 0)
         rc = session_each_event(s, note_begin, r, e);
     if (rc == 0)
-        rc = own_surface(s, which, &r->surface[0].surface, e);
+        rc = own_surface(s, which, &r->surface[0].surface, &r->estimate, e);
     if (rc < 0)
         return rc;
     snprintf(r->surface[0].sample, sizeof r->surface[0].sample, "%s", r->sample);
