@@ -20,7 +20,7 @@
  * Agrees     no |z| or |t| above 5, chi2 = d V^-1 d below its 99.9 % point, and every measured geometry simulated.
  * Errors     -ERR_INPUT the session does not hold what is needed; -ERR_STATE the simulated campaign did not end as
  *            done, with its reason; those of session.h.
- * Checked    tests/replay/test_replay_physics.c
+ * Checked    tests/replay/
  */
 #ifndef DAEMON_REPLAY_H
 #define DAEMON_REPLAY_H
