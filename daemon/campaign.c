@@ -89,8 +89,9 @@ static bool passes_by_itself(int code) {
     return code == -ERR_TIMEOUT || code == -ERR_LINK || code == -ERR_BUSY || code == -ERR_IO;
 }
 
+/* Also a position that is not known any more, or a way that is not free: no reason to lose a night. */
 static bool needs_a_person(int code) {
-    return code == -ERR_DEVICE || code == -ERR_PERMISSION;
+    return code == -ERR_DEVICE || code == -ERR_PERMISSION || code == -ERR_RANGE || code == -ERR_STATE;
 }
 
 /* The fate of a failed step: 0 = do it again (after a pause or hold, if need be), negative = the campaign ends. */
@@ -104,7 +105,7 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
     }
     if (code == -ERR_CANCELLED && c->want.pause_now)
         return campaign_pause(c, why);
-    if (!passes_by_itself(code) && !needs_a_person(code))
+    if (c->store_failure.code || (!passes_by_itself(code) && !needs_a_person(code)))
         return code;
     campaign_store_event(c, "repeat", json_pack("{s:i, s:s}", "step", c->step, "why", why->text));
     if (c->spectrometer_suspect)
@@ -117,8 +118,10 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
     int result =
         campaign_hold(c, text, false, passes_by_itself(code) ? CAMPAIGN_RETRY_S * US_PER_S : 0, &ignored);
     if (result == 0 &&
-        needs_a_person(code)) /* "continue" is that person's word; the step says what came of it */
+        needs_a_person(code)) { /* "continue" is that person's word; the step says what came of it */
         stage_reset_alarms(&c->instruments.stage, &c->cancel, &ignored);
+        campaign_home_where_needed(c, &ignored);
+    }
     return result;
 }
 
@@ -134,6 +137,7 @@ static int run_steps(struct campaign *c, struct err *e) {
             result = -ERR_CANCELLED;
         if (result == 0) {
             campaign_mark_done(c, k);
+            c->last_done_us = clock_now_us(c->clock);
             repeats = 0;
             continue;
         }
@@ -196,7 +200,7 @@ void campaign_run(struct campaign *c, struct campaign_job *job) {
     int result = writer_start(&c->writer, c->bench, &e);
     c->job = &job->job;
     c->plan = &job->plan;
-    c->started_us = clock_now_us(c->clock);
+    c->started_us = c->last_done_us = clock_now_us(c->clock);
     campaign_mounted_at_start(c);
     if (result == 0)
         result = allocate_run(c, &e);

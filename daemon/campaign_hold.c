@@ -55,13 +55,15 @@ int campaign_pause(struct campaign *c, struct err *e) {
     return after_wait(c, since_us, "pause", e);
 }
 
-static void begin_hold(struct campaign *c, const char *text, bool planned) {
-    bool same = !strcmp(c->hold.text, text) && !planned;
-    c->hold = (struct campaign_hold){.active = true, .planned = planned, .since_us = campaign_now_us(c)};
+static void begin_hold(struct campaign *c, const char *text, bool planned, bool person) {
+    bool lasts =
+        !planned && !c->hold.planned && !person && !c->hold.person && c->hold.since_us > c->last_done_us;
+    c->hold = (struct campaign_hold){
+        .active = true, .planned = planned, .person = person, .since_us = clock_now_us(c->clock)};
     snprintf(c->hold.text, sizeof c->hold.text, "%s", text);
     campaign_set_state(c, CAMPAIGN_HELD);
-    if (same)
-        return; /* the condition still lasts: said once */
+    if (lasts)
+        return; /* the same condition, tried again: said once */
     json_t *event = json_pack("{s:s, s:b}", "text", text, "planned", planned);
     campaign_store_event(c, "hold", json_incref(event));
     campaign_notify(c, "hold", event);
@@ -76,13 +78,13 @@ int campaign_hold(struct campaign *c, const char *text, bool planned, int64_t re
         return result;
     int64_t since_us = clock_now_us(c->clock);
     c->want.go_on = false;
-    begin_hold(c, text, planned);
+    begin_hold(c, text, planned, retry_us == 0);
     result = wait_for_go(c, retry_us == 0, retry_us ? since_us + retry_us : CLOCK_NEVER, e);
     c->hold.active = false;
     if (result < 0)
         return result;
     campaign_set_state(c, before);
-    return planned ? 0 : after_wait(c, since_us, "hold", e);
+    return planned ? 0 : after_wait(c, c->last_done_us < since_us ? c->last_done_us : since_us, "hold", e);
 }
 
 /* ---- what a person has to do before a reading ---- */

@@ -10,23 +10,24 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define NOTIFY_MAX 16 /* programs that have not ended; more are not started */
+#define NOTIFY_MAX 4 /* of one program that have not ended; more are not started */
 
 extern char **environ;
 
-static pid_t running[NOTIFY_MAX];
+static pid_t running[CONFIG_NAMES][NOTIFY_MAX]; /* one that hangs must not keep the others from being told */
 
 void campaign_notify_reap(void) {
-    for (int i = 0; i < NOTIFY_MAX; i++)
-        if (running[i] > 0 && waitpid(running[i], NULL, WNOHANG) != 0)
-            running[i] = 0;
+    for (int n = 0; n < CONFIG_NAMES; n++)
+        for (int i = 0; i < NOTIFY_MAX; i++)
+            if (running[n][i] > 0 && waitpid(running[n][i], NULL, WNOHANG) != 0)
+                running[n][i] = 0;
 }
 
-static pid_t *free_place(void) {
+static pid_t *free_place(int program) {
     campaign_notify_reap();
     for (int i = 0; i < NOTIFY_MAX; i++)
-        if (!running[i])
-            return &running[i];
+        if (!running[program][i])
+            return &running[program][i];
     return NULL;
 }
 
@@ -49,12 +50,13 @@ static int spawn(const char *program, int input, pid_t *child) {
     return result;
 }
 
-static void tell(const char *program, const char *text) {
-    pid_t *place = free_place();
+static void tell(int number, const char *program, const char *text) {
+    pid_t *place = free_place(number);
     int end[2];
-    if (!place || pipe2(end, O_CLOEXEC | O_NONBLOCK) < 0)
+    if (!place || pipe2(end, O_CLOEXEC) < 0)
         return;
-    /* An event is far smaller than a pipe, so this is one write that cannot block. */
+    /* An event is far smaller than a pipe, so this is one write that would not block; the program's end must block. */
+    fcntl(end[1], F_SETFL, O_NONBLOCK);
     bool written = write(end[1], text, strlen(text)) == (ssize_t)strlen(text);
     if (!written || spawn(program, end[0], place) != 0)
         *place = 0;
@@ -70,7 +72,7 @@ void campaign_notify(struct campaign *c, const char *kind, const json_t *json) {
         json_pack("{s:s, s:s, s:O}", "event", kind, "job", c->job ? c->job->name : "", "detail", json);
     char *text = json_dumps(event, JSON_COMPACT);
     for (int i = 0; text && i < config->n_notify; i++)
-        tell(config->notify[i], text);
+        tell(i, config->notify[i], text);
     free(text);
     json_decref(event);
 }

@@ -11,7 +11,6 @@
 #define DRIFT_RATE_PRIOR                                                                                     \
     1e-9 /* relative variance per second: 0.1 % in 1000 s, a halogen lamp on a good supply */
 #define STRAY_LIGHT_REL 5e-4 /* spectrometer-ocean.md 7 */
-#define LINEARITY_REL 5e-4   /* what the factory polynomial leaves: not published, taken as the stray light */
 #define GEOMETRY_CONVENTION                                                                                  \
     "in plane; theta_i >= 0; theta_v > 0 on the mirror side; sample axis = theta_v, source axis = theta_i "  \
     "+ "                                                                                                     \
@@ -123,7 +122,7 @@ void campaign_reduce_setup(const struct campaign *c, struct reduce_setup *setup)
                                    .without_dark = c->setup.config->shutter == SHUTTER_NONE,
                                    .drift_rate_prior = DRIFT_RATE_PRIOR,
                                    .stray_light_rel = STRAY_LIGHT_REL,
-                                   .linearity_rel = LINEARITY_REL};
+                                   .linearity_rel = c->setup.config->spectrometer.linearity_u_rel};
 }
 
 static int create_session(struct campaign *c, int sample, struct err *e) {
@@ -220,7 +219,7 @@ static int await_axes(struct campaign *c, struct err *e) {
     return err_set(e, ERR_LINK, "an axis does not answer");
 }
 
-static int home_where_needed(struct campaign *c, struct err *e) {
+int campaign_home_where_needed(struct campaign *c, struct err *e) {
     for (int a = 0; a < STAGE_AXES; a++) {
         struct axis *axis = c->instruments.stage.axis[a];
         struct axis_status s;
@@ -249,7 +248,7 @@ int campaign_prepare(struct campaign *c, struct err *e) {
     if (result == 0)
         result = await_axes(c, e);
     if (result == 0)
-        result = home_where_needed(c, e);
+        result = campaign_home_where_needed(c, e);
     return result;
 }
 

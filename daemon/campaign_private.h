@@ -24,7 +24,7 @@
 
 #define CAMPAIGN_QUEUE 32
 #define CAMPAIGN_ENDED 16   /* jobs whose end is remembered */
-#define CAMPAIGN_DARKS 24   /* more than the ladder of exposures has rungs */
+#define CAMPAIGN_DARKS 64   /* more than the ladder of exposures has rungs */
 #define CAMPAIGN_REPEATS 3  /* of a step that failed for a passing reason, before the campaign holds */
 #define CAMPAIGN_RETRY_S 10 /* a hold on a condition tries again this often */
 #define MOUNTED_REFERENCE (-1)
@@ -86,9 +86,9 @@ struct campaign_requests { /* raised by orders, cleared by whoever obeys */
 };
 
 struct campaign_hold {
-    bool active, planned;
+    bool active, planned, person; /* person: nothing but a person's word ends it */
     char text[256];
-    int64_t since_us;
+    int64_t since_us; /* of the bench's clock */
 };
 
 struct campaign {
@@ -122,7 +122,8 @@ struct campaign {
     bool *done;   /* [n_steps] */
     int *attempt; /* [n_steps] sets of the step so far */
     int *dark_attempt;
-    int n_done, step; /* step: the one at hand, -1 = none */
+    int64_t last_done_us; /* when the last step succeeded: a hold that retries is as old as that */
+    int n_done, step;     /* step: the one at hand, -1 = none */
     int64_t offset_us, started_us;
     int64_t estimate_done_us;
     struct measured measured[JOB_SAMPLES];
@@ -180,6 +181,7 @@ bool campaign_must_end(const struct campaign *c); /* abort or interrupt is wante
 /* campaign_prepare.c */
 void campaign_session_path(const struct campaign *c, const char *name, char path[PATH_MAX]);
 int campaign_prepare(struct campaign *c, struct err *e);
+int campaign_home_where_needed(struct campaign *c, struct err *e);
 int campaign_ready_spectrometer(struct campaign *c, struct err *e);
 int campaign_warm_up(struct campaign *c, struct err *e);
 void campaign_reduce_setup(const struct campaign *c, struct reduce_setup *setup);

@@ -58,6 +58,7 @@ struct config {
         char model[24];
         char link[160];
         char serial[32];
+        double linearity_u_rel;
     } spectrometer;
     enum config_shutter shutter;
     double lamp_warm_up_min;

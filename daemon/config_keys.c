@@ -120,6 +120,15 @@ static const struct yaml_key spectrometer_keys[] = {
      .offset = AT(spectrometer.serial),
      .size = 32,
      .doc = "serial number as in the EEPROM; another unit is refused. Left out: the only one found is taken"},
+    {.name = "linearity_u_rel",
+     .type = YAML_DOUBLE,
+     .offset = AT(spectrometer.linearity_u_rel),
+     .low = 0,
+     .high = 0.1,
+     .default_text = "5e-4",
+     .doc =
+         "relative u of the linearised counts at full scale. The default is an assumption: no maker states "
+         "what its polynomial leaves"},
     {0}};
 
 static const struct yaml_key lamp_keys[] = {{.name = "warm_up_min",

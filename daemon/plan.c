@@ -95,8 +95,8 @@ static void say_left_out(struct planner *p) {
         left_out(p->plan, "holder position trap: not visited, stray light is a stated common part");
     if (config->shutter == SHUTTER_MANUAL)
         left_out(p->plan,
-                 "darks at each new exposure time: the shutter is worked by hand, so all that are due are "
-                 "asked for together, once in dark_every_min and before the end");
+                 "darks at each new exposure time: the shutter is worked by hand, they are asked for "
+                 "together, once in dark_every_min and at the end");
     if (config->shutter == SHUTTER_NONE)
         left_out(p->plan, "darks: there is no shutter, only the electric dark of each scan is taken off");
     if (reference->size_mm == 0)

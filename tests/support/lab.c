@@ -66,7 +66,7 @@ static bool is_due(struct lab *lab) {
     const struct lab_line *l = &lab->line[lab->fired];
     enum campaign_state state = campaign_state(lab->campaign);
     lab->helped &= state == CAMPAIGN_HELD;
-    if (lab->helpful && state == CAMPAIGN_HELD)
+    if (lab->helpful && state == CAMPAIGN_HELD && lab->bench.frozen)
         return !lab->helped;
     if (lab->fired == lab->n_lines && campaign_jobs_ended(lab->campaign) >= (lab->jobs ? lab->jobs : 1))
         return !lab->over && campaign_state_is_rest(state);
@@ -98,7 +98,7 @@ static void fire(void *self) {
     struct lab *lab = self;
     struct desk_order order = {.command = COMMAND_INTERRUPT};
     lab->fired_us = clock_now_us(lab->bench.clock);
-    bool held = lab->helpful && campaign_state(lab->campaign) == CAMPAIGN_HELD;
+    bool held = lab->helpful && lab->bench.frozen && campaign_state(lab->campaign) == CAMPAIGN_HELD;
     if (lab->refused || (lab->fired == lab->n_lines && !held)) {
         lab->over = true;
         lab->ended = campaign_state(lab->campaign);
