@@ -1,0 +1,159 @@
+#include "tests/support/tap.h"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "tests/support/program.h"
+
+#define NOTES 65536
+#define ADU_MAX 260
+#define HEADER 6         /* transaction, protocol, length */
+#define REG_COMMAND 0x7C /* stage-modbus.md 1.2 */
+#define BIT_STOP 0x20    /* 1.5 */
+#define LOOK_MS 20
+
+struct tap {
+    pthread_t thread;
+    pthread_mutex_t lock;
+    atomic_bool over, mute;
+    int listener, port;
+    int n;
+    struct tap_request note[NOTES];
+};
+
+struct stream {
+    uint8_t data[4 * ADU_MAX];
+    size_t n;
+};
+
+static int loopback(int port, bool listens) {
+    struct sockaddr_in a = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)};
+    a.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    int fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    int rc = listens ? bind(fd, (struct sockaddr *)&a, sizeof a) || listen(fd, 4)
+                     : connect(fd, (struct sockaddr *)&a, sizeof a);
+    if (rc != 0) {
+        close(fd);
+        return -1;
+    }
+    return fd;
+}
+
+static void note(struct tap *t, const uint8_t *adu, size_t size) {
+    struct tap_request r = {.at_us = real_us(), .unit = adu[6], .function = adu[7]};
+    r.addr = adu[8] << 8 | adu[9];
+    if (r.function == 6 && size >= 12)
+        r.value = (uint32_t)(adu[10] << 8 | adu[11]);
+    if (r.function == 16 && size >= 15)
+        r.value = (uint32_t)(adu[13] << 8 | adu[14]);
+    if (r.function == 16 && size >= 17)
+        r.value = r.value << 16 | (uint32_t)(adu[15] << 8 | adu[16]);
+    pthread_mutex_lock(&t->lock);
+    t->note[t->n++ % NOTES] = r;
+    pthread_mutex_unlock(&t->lock);
+}
+
+/* Passes on whole frames; false: that side has hung up. */
+static bool relay(struct tap *t, struct stream *s, int from, int to, bool requests) {
+    ssize_t got = recv(from, s->data + s->n, sizeof s->data - s->n, 0);
+    if (got <= 0)
+        return false;
+    s->n += (size_t)got;
+    while (s->n >= HEADER) {
+        size_t size = HEADER + (size_t)(s->data[4] << 8 | s->data[5]);
+        if (size > ADU_MAX || s->n < size)
+            break;
+        if (requests)
+            note(t, s->data, size);
+        if (requests || !atomic_load(&t->mute))
+            if (send(to, s->data, size, MSG_NOSIGNAL) != (ssize_t)size)
+                return false;
+        s->n -= size;
+        memmove(s->data, s->data + size, s->n);
+    }
+    return true;
+}
+
+static void serve(struct tap *t, int client) {
+    int server = loopback(t->port, false);
+    struct stream out = {.n = 0}, in = {.n = 0};
+    while (server >= 0 && !atomic_load(&t->over)) {
+        struct pollfd fd[] = {{.fd = client, .events = POLLIN}, {.fd = server, .events = POLLIN}};
+        poll(fd, 2, LOOK_MS);
+        if (fd[0].revents && !relay(t, &out, client, server, true))
+            break;
+        if (fd[1].revents && !relay(t, &in, server, client, false))
+            break;
+    }
+    if (server >= 0)
+        close(server);
+    close(client);
+}
+
+static void *tap_thread(void *arg) {
+    struct tap *t = arg;
+    while (!atomic_load(&t->over)) {
+        struct pollfd fd = {.fd = t->listener, .events = POLLIN};
+        if (poll(&fd, 1, LOOK_MS) == 1)
+            serve(t, accept(t->listener, NULL, NULL));
+    }
+    return NULL;
+}
+
+struct tap *tap_open(const char *target, char link[96]) {
+    struct tap *t = calloc(1, sizeof *t);
+    struct sockaddr_in a;
+    socklen_t size = sizeof a;
+    t->port = (int)strtol(strrchr(target, ':') + 1, NULL, 10);
+    t->listener = loopback(0, true);
+    pthread_mutex_init(&t->lock, NULL);
+    getsockname(t->listener, (struct sockaddr *)&a, &size);
+    snprintf(link, 96, "tcp:127.0.0.1:%d", ntohs(a.sin_port));
+    pthread_create(&t->thread, NULL, tap_thread, t);
+    return t;
+}
+
+void tap_close(struct tap *t) {
+    if (!t)
+        return;
+    atomic_store(&t->over, true);
+    pthread_join(t->thread, NULL);
+    close(t->listener);
+    pthread_mutex_destroy(&t->lock);
+    free(t);
+}
+
+void tap_mute(struct tap *t, bool mute) {
+    atomic_store(&t->mute, mute);
+}
+
+int tap_requests(struct tap *t, struct tap_request *to, int max) {
+    pthread_mutex_lock(&t->lock);
+    int total = t->n, kept = total < NOTES ? total : NOTES;
+    int n = kept < max ? kept : max;
+    for (int i = 0; i < n; i++)
+        to[i] = t->note[(total - n + i) % NOTES];
+    pthread_mutex_unlock(&t->lock);
+    return n;
+}
+
+int64_t tap_stop_us(struct tap *t, int unit, int64_t since_us) {
+    int64_t at_us = -1;
+    pthread_mutex_lock(&t->lock);
+    for (int i = 0; i < t->n && i < NOTES && at_us < 0; i++) {
+        const struct tap_request *r = &t->note[i];
+        bool writes = r->function == 6 || r->function == 16;
+        if (writes && r->unit == unit && r->at_us >= since_us && (r->addr | 1) == (REG_COMMAND | 1) &&
+            r->value & BIT_STOP)
+            at_us = r->at_us;
+    }
+    pthread_mutex_unlock(&t->lock);
+    return at_us;
+}
