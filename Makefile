@@ -81,7 +81,14 @@ $(BUILD)/tests/fuzz/test_%: $(BUILD)/tests/fuzz/fuzz_%.o $(BUILD)/tests/fuzz/rep
 	@echo "  LD  $@"
 	@$(CC) $(SANITIZE) -o $@ $(filter %.o,$^) $(ARCHIVES) $(LINK_LIBS)
 
-tests: $(PROGRAMS) $(TESTS) $(REPLAYS)
+# Small libraries that a test preloads into a program of ours.
+PRELOADS := $(patsubst %.c,$(BUILD)/%.so,$(wildcard tests/preload/*.c))
+$(BUILD)/tests/preload/%.so: tests/preload/%.c
+	@mkdir -p $(@D)
+	@echo "  SO  $@"
+	@$(CC) -std=gnu17 $(COMMON) $(CFLAGS) -shared -fPIC -o $@ $< -ldl
+
+tests: $(PROGRAMS) $(TESTS) $(REPLAYS) $(PRELOADS)
 
 # Two calls of make: the libraries may only have come with the packages.
 check:

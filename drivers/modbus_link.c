@@ -20,6 +20,7 @@
  * behind a USB adapter (16 ms latency timer) may take to send the true one. */
 #define PROBATION_US 2000000
 #define PROBATION_GAP_MS 50
+#define URGENT_MS 50 /* three axes on a mute bus are then ordered to stop within response time + 350 ms */
 
 /* The ones libmodbus 3.1.6 knows; any other it would replace by 9600 without an error (stage-modbus.md 4). */
 static const int BAUDS[] = {1200,    2400,    4800,    9600,    19200,  38400,  57600,
@@ -151,7 +152,14 @@ static int ready_to_send(struct bus *b, const struct modbus_request *rq, struct 
                    b->config.target);
 }
 
+static void limit_reply(struct bus *b, int ms) {
+    modbus_set_response_timeout(b->ctx, (uint32_t)(ms / 1000), (uint32_t)(ms % 1000) * 1000);
+}
+
+/* On a bus that has just failed the stop orders of the other axes must not wait for this one's reply. */
 static int exchange(struct bus *b, struct modbus_request *rq) {
+    bool hurry = rq->urgent && b->state.failures > 0 && b->config.response_ms > URGENT_MS;
+    limit_reply(b, hurry ? URGENT_MS : b->config.response_ms);
     modbus_set_slave(b->ctx, rq->unit);
     switch (rq->function) {
     case 3:
@@ -286,7 +294,6 @@ static int make_context(struct bus *b, struct err *e) {
     if (!b->ctx)
         return err_set(e, ERR_NOMEM, "no memory for the link %s", c->target);
     modbus_set_error_recovery(b->ctx, MODBUS_ERROR_RECOVERY_NONE);
-    modbus_set_response_timeout(b->ctx, c->response_ms / 1000, c->response_ms % 1000 * 1000);
     modbus_set_byte_timeout(b->ctx, 0, 0); /* the response time covers the whole reply */
     return 0;
 }

@@ -102,12 +102,14 @@ static void declare_commissioned(const struct laboratory *l) {
     const struct config_axis *const axis[] = {&config.source, &config.sample, &config.holder};
     struct drive_record record = {.position_valid = true, .commissioned = true};
     for (int a = 0; a < 3; a++)
-        assert_int_equal(drives_record(l->sessions, axis[a], &profile, &record, &e), 0);
+        if (axis[a]->kind == CONFIG_AXIS_MOTOR)
+            assert_int_equal(drives_record(l->sessions, axis[a], &profile, &record, &e), 0);
     free(text);
 }
 
 void laboratory_write_config(struct laboratory *l) {
     char text[2048], end[160];
+    bool manual = l->choice.manual_holder;
     const char *bus = l->choice.modbus ? l->choice.modbus : l->modbus;
     snprintf(end, sizeof end, "link: \"%s\"%s", bus, l->choice.rtu ? ", parity: N" : "");
     snprintf(
@@ -119,10 +121,11 @@ void laboratory_write_config(struct laboratory *l) {
         "axes:\n"
         "  source: {profile: om-az, %s, unit: 1, limits_deg: [-70, 150], blind_deg: 8, u_zero_deg: 0.01}\n"
         "  sample: {profile: om-az, %s, unit: 2, limits_deg: [-85, 85], u_zero_deg: 0.01}\n"
-        "holder: {profile: om-az, %s, unit: 3, limits_deg: [-10, 90],\n"
-        "         positions: {sample: 0, reference: 15, trap: 30}}\n",
+        "holder: %s%s%s\n",
         l->choice.model ? l->choice.model : "usb2000plus",
-        l->choice.spectrometer ? l->choice.spectrometer : l->spectrometer, end, end, end);
+        l->choice.spectrometer ? l->choice.spectrometer : l->spectrometer, end, end,
+        manual ? "manual" : "{profile: om-az, ", manual ? "" : end,
+        manual ? "" : ", unit: 3, limits_deg: [-10, 90], positions: {sample: 0, reference: 15, trap: 30}}");
     put(l->dir, "goniod.yaml", text);
     if (!l->choice.not_commissioned)
         declare_commissioned(l);
@@ -158,11 +161,37 @@ void laboratory_open(struct laboratory *l, const struct laboratory_choice *choic
 
 /* ---- goniod ---- */
 
+/* The preloaded library and its orders reach goniod by its environment. */
+static void set_stall(const struct laboratory *l) {
+    const char *build = getenv("BUILD");
+    char library[256], file[96], ms[16];
+    snprintf(library, sizeof library, "%s/tests/preload/stall.so", build ? build : "build");
+    snprintf(file, sizeof file, "%s/stall", l->dir);
+    snprintf(ms, sizeof ms, "%d", l->choice.stall_ms);
+    setenv("STALL_FILE", file, 1);
+    setenv("STALL_MS", ms, 1);
+    setenv("LD_PRELOAD", library, 1);
+}
+
+bool laboratory_stall(struct laboratory *l, int limit_ms) {
+    char file[96];
+    put(l->dir, "stall", "");
+    snprintf(file, sizeof file, "%s/stall", l->dir);
+    for (int64_t until_us = real_us() + limit_ms * INT64_C(1000); real_us() < until_us; real_sleep_ms(10))
+        if (access(file, F_OK) < 0)
+            return true;
+    return false;
+}
+
 void laboratory_goniod_start(struct laboratory *l) {
     const char *words[] = {"goniod",  "--config",   l->config,   "--socket",
                            l->socket, "--sessions", l->sessions, l->choice.goniod_option,
                            NULL};
-    assert_true(program_start(&l->goniod, words, NULL));
+    if (l->choice.stall_ms)
+        set_stall(l);
+    bool started = program_start(&l->goniod, words, NULL);
+    unsetenv("LD_PRELOAD");
+    assert_true(started);
     for (int64_t until_us = real_us() + START_MS * 1000; real_us() < until_us; real_sleep_ms(20)) {
         struct said said;
         if (!program_runs(&l->goniod))

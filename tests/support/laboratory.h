@@ -15,12 +15,14 @@
 #define LABORATORY_SAMPLE_SUPPORT "acrylic board"
 
 struct laboratory_choice {
-    const char *model;         /* NULL: usb2000plus */
-    bool rtu;                  /* the axes on the pseudo terminal instead of TCP */
-    bool usb_tcp;              /* the spectrometer over TCP instead of a unix socket */
-    const char *spectrometer;  /* a link instead of goniosim's own, or NULL */
-    const char *modbus;        /* likewise (a tap in front of it) */
-    bool not_commissioned;     /* else drives.json says that it is */
+    const char *model;        /* NULL: usb2000plus */
+    bool rtu;                 /* the axes on the pseudo terminal instead of TCP */
+    bool usb_tcp;             /* the spectrometer over TCP instead of a unix socket */
+    const char *spectrometer; /* a link instead of goniosim's own, or NULL */
+    const char *modbus;       /* likewise (a tap in front of it) */
+    bool manual_holder;       /* a person changes sample and diffuser (in words: the bench does not notice) */
+    int stall_ms;             /* > 0: goniod's disk can be stalled so long */
+    bool not_commissioned;    /* else drives.json says that it is */
     const char *goniod_option; /* one more word for goniod, or NULL */
 };
 
@@ -43,6 +45,8 @@ void laboratory_write_config(struct laboratory *l);
 void laboratory_goniod_start(struct laboratory *l); /* returns when its socket answers */
 /* Ends goniod and gives its status as in struct said; what it said on stderr is printed if the status is another. */
 void laboratory_goniod_stop(struct laboratory *l, int signal, int expected);
+/* The next sync of goniod's disk stalls; returns when it has begun to, false after limit_ms. */
+bool laboratory_stall(struct laboratory *l, int limit_ms);
 void laboratory_sim_restart(struct laboratory *l);
 
 /* Writes DIR/job.yaml: one sample, `mode` of the reference, geometry as in the job ("theta_i_deg: [30], ..."). */

@@ -157,3 +157,17 @@ int64_t tap_stop_us(struct tap *t, int unit, int64_t since_us) {
     pthread_mutex_unlock(&t->lock);
     return at_us;
 }
+
+int64_t tap_silence_us(struct tap *t, int64_t from_us, int64_t to_us) {
+    int64_t last_us = from_us, longest_us = 0;
+    pthread_mutex_lock(&t->lock);
+    for (int i = 0; i < t->n && i < NOTES && t->note[i].at_us < to_us; i++) {
+        if (t->note[i].at_us < from_us)
+            continue;
+        if (t->note[i].at_us - last_us > longest_us)
+            longest_us = t->note[i].at_us - last_us;
+        last_us = t->note[i].at_us;
+    }
+    pthread_mutex_unlock(&t->lock);
+    return to_us - last_us > longest_us ? to_us - last_us : longest_us;
+}

@@ -25,6 +25,8 @@ void tap_mute(struct tap *t, bool mute);
 /* Requests noted since tap_open; at most max are copied, the newest. */
 int tap_requests(struct tap *t, struct tap_request *to, int max);
 /* The first stop order (om-az: bit 5 of the command word at 7Ch) to this unit at or after since_us; -1: none. */
+/* The longest time without a request between these two times. */
+int64_t tap_silence_us(struct tap *t, int64_t from_us, int64_t to_us);
 int64_t tap_stop_us(struct tap *t, int unit, int64_t since_us);
 
 #endif

@@ -11,25 +11,36 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "proto/session.h"
 #include "tests/support/laboratory.h"
 #include "tests/support/tap.h"
 
-#define LONG_MS "4000"
 #define IN_EXPOSURE_MS 1500 /* after the axes have arrived */
+#define STALL_MS 2000
+#define WATCHDOG_US 1000000 /* of goniosim's drives */
 #define UNITS 3
 #define BUSY_MACHINE_US 1000000 /* the figures themselves are measured by `make bench` */
 
 static struct laboratory lab;
 static struct tap *tap;
 
-static int open_lab(void **state) {
-    (void)state;
-    struct laboratory_choice choice = {0};
+static void open_with(struct laboratory_choice choice, const char *exposure) {
     laboratory_open(&lab, &choice);
     tap = tap_open(lab.modbus, lab.modbus);
     laboratory_write_config(&lab);
-    laboratory_job(&lab, "pairs: [[20, 10], [20, 12]]", "fixed",
-                   "target: 0.8, min_ms: " LONG_MS ", max_ms: " LONG_MS ", average: 1");
+    laboratory_job(&lab, "pairs: [[20, 10]]", "fixed", exposure);
+}
+
+static int open_lab(void **state) {
+    (void)state;
+    open_with((struct laboratory_choice){0}, "target: 0.8, min_ms: 4000, max_ms: 4000, average: 1");
+    return 0;
+}
+
+static int open_slow_lab(void **state) {
+    (void)state;
+    open_with((struct laboratory_choice){.manual_holder = true, .stall_ms = STALL_MS},
+              "target: 0.8, min_ms: 1200, max_ms: 1200, average: 1");
     return 0;
 }
 
@@ -37,7 +48,6 @@ static int close_lab(void **state) {
     (void)state;
     laboratory_close(&lab);
     tap_close(tap);
-    unsetenv("LD_PRELOAD");
     return 0;
 }
 
@@ -83,12 +93,57 @@ static void abort_on_a_mute_bus(void **state) {
     laboratory_await(&lab, "\"state\":\"aborted\"", 30000);
 }
 
+static int no_trouble(void *arg, int64_t us, const char *kind, const char *json) {
+    (void)arg;
+    (void)us;
+    if (!strcmp(kind, "repeat"))
+        fail_msg("%s: %s", kind, json);
+    return 0;
+}
+
+/* A person at the holder, exposures of 1.2 s, a stall of 2 s: in each of them the drives would have given up alone. */
+static void nothing_keeps_the_drives_waiting(void **state) {
+    (void)state;
+    char job[96], path[256], name[160];
+    struct said said;
+    struct session *s;
+#ifdef __SANITIZE_ADDRESS__
+    skip(); /* its run-time library must be loaded first */
+#endif
+    laboratory_goniod_start(&lab);
+    snprintf(job, sizeof job, "%s/job.yaml", lab.dir);
+    struct program run;
+    const char *const words[] = {"gonioctl", "run", "--wait", job, NULL};
+    assert_true(laboratory_ctl_begin(&lab, &run, words));
+    laboratory_await(&lab, "\"state\":\"held\"", 20000);
+    int64_t from_us = real_us();
+    real_sleep_ms(1500);
+    laboratory_expect(&lab, 0, "", NULL, "continue", NULL);
+    assert_true(laboratory_stall(&lab, 20000));
+    while (program_runs(&run) && real_us() < from_us + 120 * INT64_C(1000000)) {
+        laboratory_ctl(&lab, &said, NULL, "continue", NULL); /* refused where nothing is held */
+        said_free(&said);
+        real_sleep_ms(200);
+    }
+    program_wait(&run, 1000, &said);
+    int64_t silence_us = tap_silence_us(tap, from_us, real_us());
+    print_message("# longest silence on the bus: %.0f ms\n%s", (double)silence_us * 1e-3, said.err);
+    assert_int_equal(said.status, 0);
+    assert_true(silence_us < WATCHDOG_US);
+    laboratory_session_path(&lab, said.out, path, name);
+    said_free(&said);
+    assert_int_equal(session_open(&s, path, true, NULL), 0);
+    assert_int_equal(session_each_event(s, no_trouble, NULL, NULL), 0);
+    session_close(s, NULL);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, open_lab, close_lab)
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(abort_in_a_long_exposure),
         TEST(abort_on_a_mute_bus),
+        cmocka_unit_test_setup_teardown(nothing_keeps_the_drives_waiting, open_slow_lab, close_lab),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
