@@ -6,6 +6,7 @@
 #   make lint                 layout, mistakes, sizes, who includes whom
 #   make asan                 every test under AddressSanitizer and UBSan, in build/asan
 #   make crash N=200          goniod killed N times at random moments and N times in a write, and resumed
+#   make bench                the figures, into docs/bench-report.md
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
 #   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
 #   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
@@ -90,6 +91,13 @@ $(BUILD)/tests/preload/%.so: tests/preload/%.c
 
 tests: $(PROGRAMS) $(TESTS) $(REPLAYS) $(PRELOADS)
 
+# Figures that a machine under load would falsify: no part of check.
+BENCHES := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/bench/bench_*.c))
+bench:
+	@.ci/deps build check bench
+	@$(MAKE) --no-print-directory -j$(JOBS) all $(BENCHES) $(PRELOADS)
+	@bash tests/bench/run.sh $(BUILD) docs/bench-report.md
+
 # Two calls of make: the libraries may only have come with the packages.
 check:
 	@.ci/deps build check
@@ -165,6 +173,6 @@ clean:
 	rm -rf $(BUILD)
 
 FORCE:
-.PHONY: all tests fuzzers check deps lint asan crash fuzz install demo pulls measured clean FORCE
+.PHONY: all bench tests fuzzers check deps lint asan crash fuzz install demo pulls measured clean FORCE
 .SECONDARY:
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
