@@ -108,10 +108,11 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
     if (c->store_failure.code || (!passes_by_itself(code) && !needs_a_person(code)))
         return code;
     campaign_store_event(c, "repeat", json_pack("{s:i, s:s}", "step", c->step, "why", why->text));
+    bool opened_anew = c->spectrometer_suspect; /* that may be all it needs, whatever it said */
     if (c->spectrometer_suspect)
         instruments_close_spectrometer(&c->instruments);
     c->spectrometer_suspect = false;
-    if (passes_by_itself(code) && ++*repeats <= CAMPAIGN_REPEATS)
+    if ((passes_by_itself(code) || opened_anew) && ++*repeats <= CAMPAIGN_REPEATS)
         return 0;
     char text[256];
     snprintf(text, sizeof text, "%.200s", why->text);

@@ -165,7 +165,9 @@ int campaign_ready_spectrometer(struct campaign *c, struct err *e) {
     if (c->instruments.spectrometer)
         return 0;
     c->lamp = -1;
-    return instruments_open_spectrometer(&c->instruments, &c->cancel, e);
+    int result = instruments_open_spectrometer(&c->instruments, &c->cancel, e);
+    c->spectrometer_suspect |= result < 0;
+    return result;
 }
 
 static bool have_answered(void *arg) {

@@ -139,6 +139,40 @@ static void campaign_on(void **state) {
     free(job);
 }
 
+/* Whoever resumes is asked for what has to stand in the holder now. */
+static void a_session_goes_on_with_a_holder_worked_by_hand(void **state) {
+    static struct lab lab;
+    const struct variant v = {.name = "by-hand", .holder = "manual", .sessions = 1, .points = 7};
+    char dir[96], name[192], *text = bench_text(&v), *job = job_text(&v);
+    (void)state;
+    lab_make_dir(dir);
+    lab_open(&lab, dir, &seed1, text);
+    lab.helpful = true;
+    lab_script(&lab, (struct lab_line){.steps = 6, .state = CAMPAIGN_RUNNING, .command = COMMAND_INTERRUPT});
+    lab_job(&lab, job);
+    lab_run(&lab);
+    lab_close(&lab);
+    lab_open(&lab, dir, &seed1, text);
+    lab.helpful = true;
+    assert_true(lab_session(&lab, 0, name));
+    lab_resume(&lab, name);
+    lab_run(&lab);
+    assert_int_equal(lab.ended, CAMPAIGN_DONE);
+    assert_true(was_asked(&lab, "put the reference diffuser into the holder"));
+    assert_true(was_asked(&lab, "put sample dry into the holder"));
+    struct judgement j = {0};
+    assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, &j.surface, NULL), 0);
+    struct session *s = lab_open_session(&lab, name);
+    judge_session(s, &j);
+    session_close(s, NULL);
+    assert_int_equal(j.n, 7);
+    assert_true(j.worst < 5);
+    lab_close(&lab);
+    lab_remove_dir(dir);
+    free(text);
+    free(job);
+}
+
 static const struct variant variants[] = {
     {.name = "usb4000", .model = "usb4000", .sessions = 1, .points = 7},
     {.name = "beam-in-view", .optics = BEAM_IN_VIEW, .sessions = 1, .points = 7},
@@ -217,9 +251,10 @@ static const struct variant variants[] = {
 #define N_VARIANTS (sizeof variants / sizeof *variants)
 
 int main(void) {
-    struct CMUnitTest tests[N_VARIANTS];
+    struct CMUnitTest tests[N_VARIANTS + 1];
     for (size_t i = 0; i < N_VARIANTS; i++)
         tests[i] = (struct CMUnitTest){
             .name = variants[i].name, .test_func = campaign_on, .initial_state = (void *)&variants[i]};
-    return _cmocka_run_group_tests("benches", tests, N_VARIANTS, NULL, NULL);
+    tests[N_VARIANTS] = (struct CMUnitTest)cmocka_unit_test(a_session_goes_on_with_a_holder_worked_by_hand);
+    return _cmocka_run_group_tests("benches", tests, N_VARIANTS + 1, NULL, NULL);
 }

@@ -22,6 +22,8 @@
 #define VIEWS "{from: -60, to: 60, step: 15}"
 #define N_POINTS 8 /* of 9 views one has the source in front of the sensor */
 
+#define FRAMES 0x82 /* endpoint, spectrometer-ocean.md 2 */
+
 static const struct simulate_options seed1 = {.seed = 1};
 
 /* ---- a bench whose cables can be pulled ---- */
@@ -34,6 +36,7 @@ struct broken { /* between the campaign and the simulated bench */
     int mute_unit;              /* 0 = none */
     bool bus_cut;
     bool usb_gone;
+    int bad_frames; /* so many are refused */
     struct usb_link usb;
     struct modbus_link modbus;
 };
@@ -77,6 +80,10 @@ static int submit(void *self, struct usb_transfer *t, struct err *e) {
     (void)self;
     if (bench.usb_gone && is_broken())
         return err_set(e, ERR_LINK, "the spectrometer has gone from the bus");
+    if (t->endpoint == FRAMES && bench.bad_frames > 0 && is_broken()) {
+        bench.bad_frames--;
+        return err_set(e, ERR_IO, "the transfer was refused");
+    }
     return bench.usb.ops->submit(bench.usb.self, t, e);
 }
 
@@ -267,6 +274,18 @@ static void a_spectrometer_that_was_unplugged_is_opened_again(void **state) {
     assert_non_null(strstr(n.hold, "spectrometer"));
 }
 
+static void readings_with_bad_frames_are_taken_again(void **state) {
+    struct fixture *f = *state;
+    open_lab(f, NULL);
+    bench.bad_frames = 8;
+    bench.from_step = 4;
+    bench.lasts_us = 10 * US_PER_MIN;
+    f->lab.helpful = true;
+    run_and_judge(f, "fixed");
+    assert_true(events_of(f).repeats >= 1);
+    assert_int_equal(f->lab.n_holds, 0);
+}
+
 /* Without a word on the bus every drive's watchdog ends in an alarm, which only a person may have reset. */
 static void an_alarm_waits_for_a_person_and_is_reset_once(void **state) {
     struct fixture *f = *state;
@@ -343,6 +362,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_unit_that_stays_silent_holds_until_it_answers, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_silence_longer_than_a_bracket_ends_it, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_spectrometer_that_was_unplugged_is_opened_again, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(readings_with_bad_frames_are_taken_again, set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_alarm_waits_for_a_person_and_is_reset_once, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_bracket_opened_anew_keeps_out_of_the_zones, set_up, tear_down),
         cmocka_unit_test_setup_teardown(notified_programs_are_told_and_never_waited_for, set_up, tear_down),
