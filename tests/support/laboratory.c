@@ -16,6 +16,7 @@
 
 #define CTL_MS 60000
 #define START_MS 10000
+#define BRIDGE_WORDS 4
 
 static void put(const char *dir, const char *name, const char *text) {
     char path[160];
@@ -184,12 +185,28 @@ bool laboratory_stall(struct laboratory *l, int limit_ms) {
 }
 
 void laboratory_goniod_start(struct laboratory *l) {
-    const char *words[] = {"goniod",  "--config",   l->config,   "--socket",
-                           l->socket, "--sessions", l->sessions, l->choice.goniod_option,
+    const char *build = getenv("BUILD");
+    char goniod[256];
+    snprintf(goniod, sizeof goniod, "%s/goniod", build ? build : "build");
+    const char *words[] = {"tests/bridge/usb_bridge",
+                           l->spectrometer,
+                           l->choice.bridged,
+                           "--",
+                           goniod,
+                           "--config",
+                           l->config,
+                           "--socket",
+                           l->socket,
+                           "--sessions",
+                           l->sessions,
+                           l->choice.goniod_option,
                            NULL};
+    const char **first = l->choice.bridged ? words : words + BRIDGE_WORDS;
+    if (!l->choice.bridged)
+        *first = "goniod";
     if (l->choice.stall_ms)
         set_stall(l);
-    bool started = program_start(&l->goniod, words, NULL);
+    bool started = program_start(&l->goniod, first, NULL);
     unsetenv("LD_PRELOAD");
     assert_true(started);
     for (int64_t until_us = real_us() + START_MS * 1000; real_us() < until_us; real_sleep_ms(20)) {

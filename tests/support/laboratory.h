@@ -23,6 +23,7 @@ struct laboratory_choice {
     bool manual_holder;       /* a person changes sample and diffuser (in words: the bench does not notice) */
     int stall_ms;             /* > 0: goniod's disk can be stalled so long */
     bool not_commissioned;    /* else drives.json says that it is */
+    const char *bridged;      /* VID:PID: goniod runs behind usb_bridge, config link "usb" */
     const char *goniod_option; /* one more word for goniod, or NULL */
 };
 
