@@ -94,6 +94,13 @@ static bool needs_a_person(int code) {
     return code == -ERR_DEVICE || code == -ERR_PERMISSION || code == -ERR_RANGE || code == -ERR_STATE;
 }
 
+/* Nobody but a pause cancels what does not have to end. */
+static int give_way(struct campaign *c, struct err *why) {
+    err_clear(why);
+    atomic_store(&c->cancel.raised, false);
+    return c->want.pause_now ? campaign_pause(c, why) : 0;
+}
+
 /* The fate of a failed step: 0 = do it again (after a pause or hold, if need be), negative = the campaign ends. */
 static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
     struct err ignored = {0};
@@ -103,8 +110,8 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
         err_clear(why);
         return writer_failure(c->writer, why);
     }
-    if (code == -ERR_CANCELLED && c->want.pause_now)
-        return campaign_pause(c, why);
+    if (code == -ERR_CANCELLED)
+        return give_way(c, why);
     if (c->store_failure.code || (!passes_by_itself(code) && !needs_a_person(code)))
         return code;
     campaign_store_event(c, "repeat", json_pack("{s:i, s:s}", "step", c->step, "why", why->text));
@@ -142,7 +149,9 @@ static int run_steps(struct campaign *c, struct err *e) {
             repeats = 0;
             continue;
         }
-        result = decide(c, result, &repeats, &failed);
+        do
+            result = decide(c, result, &repeats, &failed);
+        while (result == -ERR_CANCELLED && !campaign_must_end(c));
         if (result < 0) {
             *e = failed;
             return result;
@@ -152,6 +161,17 @@ static int run_steps(struct campaign *c, struct err *e) {
 }
 
 /* ---- a run ---- */
+
+/* A pause may cut preparing short; then it begins again. */
+static int prepare(struct campaign *c, struct err *e) {
+    int result = campaign_prepare(c, e);
+    while (result == -ERR_CANCELLED && !campaign_must_end(c)) {
+        result = give_way(c, e);
+        if (result == 0)
+            result = campaign_prepare(c, e);
+    }
+    return result;
+}
 
 static int allocate_run(struct campaign *c, struct err *e) {
     int n = c->plan->n_steps;
@@ -206,7 +226,7 @@ void campaign_run(struct campaign *c, struct campaign_job *job) {
     if (result == 0)
         result = allocate_run(c, &e);
     if (result == 0)
-        result = campaign_prepare(c, &e);
+        result = prepare(c, &e);
     if (result == 0)
         result = campaign_hold_for_samples(c, &e);
     if (result == 0)

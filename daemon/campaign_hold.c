@@ -41,11 +41,14 @@ int campaign_pause(struct campaign *c, struct err *e) {
         if (c->instruments.spectrometer)
             spectrometer_drain(c->instruments.spectrometer, &ignored);
     }
-    c->want.pause = c->want.pause_now = c->want.go_on = false;
     shut(c);
     int result = campaign_store_drain(c, &c->cancel, e);
     if (result < 0)
         return result;
+    bool still = c->want.pause || c->want.pause_now;
+    c->want.pause = c->want.pause_now = c->want.go_on = false;
+    if (!still)
+        return 0; /* resumed before it had begun */
     int64_t since_us = clock_now_us(c->clock);
     campaign_set_state(c, CAMPAIGN_PAUSED);
     result = wait_for_go(c, true, CLOCK_NEVER, e);

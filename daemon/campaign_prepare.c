@@ -156,7 +156,8 @@ static int create_sessions(struct campaign *c, struct err *e) {
     campaign_store_event(
         c, "begin",
         json_pack("{s:i, s:I}", "steps", c->plan->n_steps, "utc_us", (json_int_t)clock_utc_us(c->clock)));
-    return campaign_store_drain(c, &c->cancel, e);
+    return campaign_store_drain(c, NULL,
+                                e); /* once begun it is done whole, or preparing again would double it */
 }
 
 /* ---- devices ---- */
@@ -239,11 +240,18 @@ int campaign_home_where_needed(struct campaign *c, struct err *e) {
     return 0;
 }
 
+static bool have_sessions(const struct campaign *c) {
+    for (int i = 0; i < JOB_SAMPLES; i++)
+        if (c->measured[i].used)
+            return true;
+    return false;
+}
+
 int campaign_prepare(struct campaign *c, struct err *e) {
     int result = instruments_check_commissioned(&c->instruments, c->plan->uses, e);
     if (result == 0)
         result = campaign_ready_spectrometer(c, e);
-    if (result == 0)
+    if (result == 0 && !have_sessions(c))
         result = *c->current->session ? campaign_resume_sessions(c, e) : create_sessions(c, e);
     if (result == 0)
         result = instruments_open_stage(&c->instruments, c->plan->uses, e);

@@ -50,6 +50,22 @@ static double free_bytes(const char *dir) {
     return statvfs(dir, &fs) < 0 ? 0 : (double)fs.f_bavail * fs.f_frsize;
 }
 
+/* A simulated bench has only so many paints; a real one has what a person mounts. */
+static int check_samples(const struct campaign *c, const struct job *job, struct err_list *errors) {
+    const struct wiring *w = c->setup.wiring;
+    int result = 0;
+    for (int i = 0; w->known && i < job->n_samples; i++) {
+        struct err e = {0};
+        char path[40];
+        snprintf(path, sizeof path, "samples[%d]", i);
+        if (w->known(w->self, &job->sample[i], &e) == 0)
+            continue;
+        job_complain(job, errors, path, "sample %s: %s", job->sample[i].name, e.text);
+        result = -ERR_INPUT;
+    }
+    return result;
+}
+
 int campaign_job_plan(const struct campaign *c, const char *file, const char *text, size_t size,
                       const struct job_file *files, int n_files, struct campaign_job *out,
                       struct err_list *errors) {
@@ -57,8 +73,15 @@ int campaign_job_plan(const struct campaign *c, const char *file, const char *te
                                    .free_bytes = free_bytes(c->setup.sessions_dir)};
     instruments_plan_devices(&c->instruments, &devices);
     int result = job_read_text(file, text, size, files, n_files, &out->job, errors);
-    if (result == 0)
-        result = plan_make(&out->job, c->setup.config, &devices, &out->plan, errors);
+    if (result < 0) {
+        job_free(&out->job);
+        return result;
+    }
+    result = plan_make(&out->job, c->setup.config, &devices, &out->plan, errors);
+    int unknown = check_samples(c, &out->job, errors);
+    if (result == 0 && unknown < 0)
+        plan_free(&out->plan);
+    result = result < 0 ? result : unknown;
     out->planned = result == 0;
     if (result < 0)
         job_free(&out->job);
@@ -160,27 +183,33 @@ static void stop_axes(struct campaign *c) {
     atomic_store(&c->cancel.raised, true);
 }
 
-static void order_pause(struct campaign *c) {
-    c->want.pause = true;
+static void begin_pausing(struct campaign *c) {
     if (c->state == CAMPAIGN_RUNNING || c->state == CAMPAIGN_PREPARING) {
         c->state_before_pause = c->state;
         campaign_set_state(c, CAMPAIGN_PAUSING);
     }
 }
 
+static void order_pause(struct campaign *c) {
+    c->want.pause = true;
+    begin_pausing(c);
+}
+
 static void order_pause_now(struct campaign *c) {
-    if (c->state == CAMPAIGN_RUNNING || c->state == CAMPAIGN_PREPARING)
-        c->state_before_pause = c->state;
     if (c->state == CAMPAIGN_PAUSED || c->state == CAMPAIGN_HELD) {
         c->want.pause = c->state == CAMPAIGN_HELD;
         return;
     }
+    stage_order_stop(&c->instruments.stage);
+    if (c->want.pause_now)
+        return; /* under way already: a second cancel would end what makes the pause */
     c->want.pause_now = true;
-    stop_axes(c);
+    atomic_store(&c->cancel.raised, true);
+    begin_pausing(c);
 }
 
 static void order_resume(struct campaign *c) {
-    c->want.pause = false;
+    c->want.pause = c->want.pause_now = false;
     if (c->state == CAMPAIGN_PAUSED)
         c->want.go_on = true;
     else

@@ -303,5 +303,5 @@ int campaign_resume_sessions(struct campaign *c, struct err *e) {
         c, "resume",
         json_pack("{s:i, s:I}", "steps_done", c->n_done, "utc_us", (json_int_t)clock_utc_us(c->clock)));
     result = end_open_brackets(c, e);
-    return result == 0 ? campaign_store_drain(c, &c->cancel, e) : result;
+    return result == 0 ? campaign_store_drain(c, NULL, e) : result;
 }

@@ -126,7 +126,8 @@ static json_t *spectrometer_json(const struct campaign *c) {
 }
 
 static json_t *snapshot_json(const struct campaign *c) {
-    const char *phase = c->plan && c->step >= 0 ? step_kind_name(c->plan->step[c->step].kind) : "";
+    bool rests = campaign_state_is_rest(c->state);
+    const char *phase = c->plan && c->step >= 0 && !rests ? step_kind_name(c->plan->step[c->step].kind) : "";
     json_t *all =
         json_pack("{s:s, s:I, s:I, s:b, s:o, s:s, s:s, s:s, s:s}", "state", campaign_state_name(c->state),
                   "now_us", (json_int_t)clock_now_us(c->clock), "utc_us", (json_int_t)clock_utc_us(c->clock),

@@ -8,7 +8,7 @@
 
 #define NO_CAMPAIGN "no campaign is running: start one with `gonioctl run`"
 #define NOT_HELD "nothing waits for a person: `continue` answers a hold"
-#define BUSY "a campaign holds the bench: pause it first, or abort it"
+#define BUSY "a campaign holds the bench: wait until it has ended, or `gonioctl abort` it"
 #define ENDING "the campaign is ending: wait until it has ended"
 #define NOT_PAUSED "the campaign is not paused: there is nothing to resume"
 

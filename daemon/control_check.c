@@ -30,8 +30,8 @@ static char *refusal(const struct check *k) {
 static void answer(uv_work_t *work, int status) {
     struct check *k = work->data;
     struct control_client *c = control_find_client(k->control, k->client);
-    if (c && status == 0)
-        control_client_send(c, k->plan ? rpc_reply_text(k->id, k->plan) : refusal(k));
+    if (c)
+        control_client_settle(c, status != 0 ? NULL : k->plan ? rpc_reply_text(k->id, k->plan) : refusal(k));
     json_decref(k->plan);
     json_decref(k->id);
     err_list_free(&k->errors);
@@ -51,6 +51,7 @@ void control_check(struct control_client *c, const json_t *id, struct desk_run *
     k->client = c->number;
     k->id = json_deep_copy(id);
     k->order = order;
+    c->owed++;
     if (uv_queue_work(&c->control->loop, &k->work, plan, answer) != 0)
         answer(&k->work, UV_ECANCELED);
 }

@@ -26,6 +26,10 @@ void control_client_close(struct control_client *c) {
     c->closing = true;
 }
 
+static bool unread(const struct control_client *c) {
+    return uv_stream_get_write_queue_size((const uv_stream_t *)&c->pipe) > 0;
+}
+
 static void tell_missed(struct control_client *c) {
     json_t *params = json_pack("{s:s, s:I}", "event", "missed", "count", (json_int_t)c->missed);
     c->missed = 0;
@@ -41,9 +45,9 @@ static void on_written(uv_write_t *uv, int status) {
     free(w);
     if (c->closing)
         return;
-    if (status < 0 || last)
+    if (status < 0 || last || (c->ended && c->owed == 0 && !unread(c)))
         control_client_close(c);
-    else if (c->missed && uv_stream_get_write_queue_size((uv_stream_t *)&c->pipe) == 0)
+    else if (c->missed && !unread(c))
         tell_missed(c);
 }
 
@@ -74,6 +78,13 @@ void control_client_send(struct control_client *c, char *text) {
         return;
     }
     put(c, text, false);
+}
+
+void control_client_settle(struct control_client *c, char *text) {
+    c->owed--;
+    control_client_send(c, text);
+    if (c->ended && c->owed == 0 && !unread(c))
+        control_client_close(c);
 }
 
 void control_client_event(struct control_client *c, const char *text, size_t size) {
@@ -115,7 +126,12 @@ static void on_read(uv_stream_t *stream, ssize_t n, const uv_buf_t *buf) {
     struct control_client *c = stream->data;
     (void)buf;
     if (n < 0) {
-        control_client_close(c);
+        /* `echo '{...}' | socat` ends its lines at once, and waits for the answer. */
+        c->ended = n == UV_EOF && (c->owed > 0 || unread(c));
+        if (c->ended)
+            uv_read_stop(stream);
+        else
+            control_client_close(c);
         return;
     }
     size_t scanned = c->used, start = 0;

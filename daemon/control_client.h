@@ -28,6 +28,8 @@ struct control_client {
     uint64_t number; /* never used twice: a late outcome cannot reach another client */
     struct control_rights rights;
     bool watching, closing;
+    bool ended; /* it has sent its last line, and still reads */
+    int owed;   /* answers that come later: orders on the desk, plans being made */
     uint64_t missed; /* events dropped since the last one sent */
     char *line;
     size_t used, capacity;
@@ -35,6 +37,8 @@ struct control_client {
 
 int control_client_read(struct control_client *client); /* each whole line goes to control_handle_line */
 void control_client_send(struct control_client *client, char *text); /* takes text over; NULL is ignored */
+/* Sends an owed answer; a client that has ended its lines is let go with the last one. */
+void control_client_settle(struct control_client *client, char *text);
 /* Sends if the client watches and reads; else counts it as missed. */
 void control_client_event(struct control_client *client, const char *text, size_t size);
 /* Sends a last sentence, then closes when it is out. */

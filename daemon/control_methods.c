@@ -350,6 +350,7 @@ static void put_on_desk(struct control_client *c, const struct method *m, const 
         fprintf(stderr, "goniod: %s by %s\n", m->name, c->rights.who);
     p->client = c->number;
     p->id = json_incref(rq->id);
+    c->owed++;
 }
 
 static void call(struct control_client *c, const struct rpc_request *rq) {
@@ -415,7 +416,7 @@ static void deliver(struct control *control, const struct desk_outcome *o) {
             continue;
         struct control_client *c = control_find_client(control, p->client);
         if (c)
-            control_client_send(c, outcome_text(p->id, o));
+            control_client_settle(c, outcome_text(p->id, o));
         json_decref(p->id);
         *p = (struct control_pending){0};
         return;

@@ -42,9 +42,6 @@ void control_take_from_desk(struct control *control);
 void control_check(struct control_client *client, const json_t *id, struct desk_run *run);
 
 void control_forget_client(struct control *control, struct control_client *client);
-void control_handle_line(struct control_client *client, const char *line,
-                         size_t size);                /* control_methods.c */
-void control_take_from_desk(struct control *control); /* control_methods.c */
 struct control_client *control_find_client(struct control *control, uint64_t number);
 
 #endif

@@ -35,6 +35,8 @@ struct wiring {
                struct usb_link *out, struct err *e);
     /* What a person does at a bench without the motor for it; the simulated bench does it here, when the campaign has
      * been told that it is done. NULL = nothing to do. */
+    /* Whether there is such a sample, asked when a job is planned; NULL = whatever a person mounts. */
+    int (*known)(void *self, const struct job_sample *sample, struct err *e);
     int (*mount)(void *self, const struct job_sample *sample, struct err *e); /* at its holder position */
     int (*in_beam)(void *self, const char *holder_position, struct err *e);
     int (*turned)(void *self, const char *axis, double deg, struct err *e);

@@ -215,6 +215,11 @@ static json_t *truth(void *self, const struct job_sample *sample, const int mean
     return simulate_surface_to_json(&to, mean_nm);
 }
 
+static int known(void *self, const struct job_sample *sample, struct err *e) {
+    struct sim_surface surface;
+    return surface_of(self, sample, &surface, e);
+}
+
 static int mount(void *self, const struct job_sample *sample, struct err *e) {
     struct simulate *s = self;
     struct sim_surface surface;
@@ -288,6 +293,7 @@ void simulate_wiring(struct simulate *s, struct wiring *wiring) {
                               .simulated = true,
                               .modbus = open_modbus,
                               .usb = open_usb,
+                              .known = known,
                               .mount = mount,
                               .in_beam = in_beam,
                               .turned = turned,

@@ -77,11 +77,12 @@ int sim_paint_find(const char *paint, const char *support, int water_percent, st
     bool paper = strcasestr(support, "paper") != NULL;
     if (!colour)
         return err_set(e, ERR_INPUT,
-                       "no simulated paint is called %s; there are Cadmium Red, Hooker's Green and "
+                       "no simulated paint is called '%s': write paint: Cadmium Red, Hooker's Green or "
                        "Cobalt Blue Hue",
                        paint);
     if (!paper && !strcasestr(support, "acrylic"))
-        return err_set(e, ERR_INPUT, "no simulated support is called %s; there are acrylic board and paper",
+        return err_set(e, ERR_INPUT,
+                       "no simulated support is called '%s': write support: acrylic board or drawing paper",
                        support);
     if (water_percent < 0 || water_percent > WATER_MAX)
         return err_set(e, ERR_INPUT, "the simulated paints hold 0 to %d %% of water, not %d %%", WATER_MAX,
