@@ -98,6 +98,10 @@ static void on_signal(uv_signal_t *signal, int number) {
 
 static void *run(void *arg) {
     struct control *control = arg;
+    sigset_t pipe; /* a client that has left is an error of the write to it, nothing more */
+    sigemptyset(&pipe);
+    sigaddset(&pipe, SIGPIPE);
+    pthread_sigmask(SIG_BLOCK, &pipe, NULL);
     uv_run(&control->loop, UV_RUN_DEFAULT);
     return NULL;
 }
