@@ -4,6 +4,10 @@
 #include <string.h>
 
 #define SPECTRUM_SCANS_MAX 1000
+#define MOVE_MAX_DEG 1000
+#define EXPOSURE_MAX_MS 100000 /* the model's own limit is less, and says so */
+#define BUS_TRIES 2
+#define BUS_PAUSE_US (700 * US_PER_MS) /* longer than the first pause before a link is opened again */
 #define GUESS_US (100 * US_PER_MS)
 #define TRIES 8
 #define TARGET 0.8 /* of saturation, as the job's default */
@@ -80,6 +84,9 @@ static int move(struct campaign *c, const struct desk_manual *m, json_t **out, s
         result = ready_axis(c, which, e);
     if (result < 0)
         return result;
+    if (!(fabs(m->deg) <= MOVE_MAX_DEG)) /* beyond it, it could not be counted in microdegrees either */
+        return err_set(e, ERR_RANGE, "%g deg is no angle of an axis: at most %d deg to either side", m->deg,
+                       MOVE_MAX_DEG);
     target.used[which] = true;
     target.udeg[which] = udeg_from_deg(m->deg);
     struct axis *axis = c->instruments.stage.axis[which];
@@ -138,6 +145,9 @@ static json_t *spectrum_json(const struct campaign *c, const struct frame *frame
 
 static int spectrum(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
     int n = m->average > 0 ? m->average : 1;
+    if (!(m->exposure_ms >= 0 && m->exposure_ms <= EXPOSURE_MAX_MS))
+        return err_set(e, ERR_RANGE, "an exposure of %g ms is not possible: above 0, and at most %d ms",
+                       m->exposure_ms, EXPOSURE_MAX_MS);
     int exposure_us = (int)(m->exposure_ms * US_PER_MS);
     if (n > SPECTRUM_SCANS_MAX)
         return err_set(e, ERR_USAGE, "an average of %d scans is too long: at most %d", n, SPECTRUM_SCANS_MAX);
@@ -192,13 +202,31 @@ static json_t *usb_json(void) {
     return all;
 }
 
+static bool never(void *arg) {
+    (void)arg;
+    return false;
+}
+
+/* A unit that is mute takes its bus down for a moment; its neighbours are not to be blamed for it. */
+static int open_patiently(struct campaign *c, const bool uses[STAGE_AXES], struct err *e) {
+    int result;
+    for (int i = 0; (result = instruments_open_stage(&c->instruments, uses, e)) < 0 && i < BUS_TRIES; i++) {
+        if (result != -ERR_LINK && result != -ERR_BUSY)
+            break;
+        if (bench_wait(c->bench, clock_now_us(c->clock) + BUS_PAUSE_US, never, c, &c->cancel) < 0)
+            return err_set(e, ERR_CANCELLED, "stopped");
+        err_clear(e);
+    }
+    return result;
+}
+
 /* One sentence: where it stands, or what keeps it from answering. Negative: cancelled. */
 static int axis_answer(struct campaign *c, int which, char *text, size_t size) {
     bool uses[STAGE_AXES] = {false};
     struct axis_status s;
     struct err e = {0};
     uses[which] = true;
-    int result = instruments_open_stage(&c->instruments, uses, &e);
+    int result = open_patiently(c, uses, &e);
     if (result == 0)
         result = await_answer(c, which, &e);
     if (result < 0) {

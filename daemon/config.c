@@ -47,6 +47,8 @@ const struct config_axis *config_axis_at(const struct config *config, int which,
 
 static void check_link(const struct check *c, const char *path, const char *link) {
     char key[64];
+    if (!*link)
+        return; /* reported as missing */
     snprintf(key, sizeof key, "%s.link", path);
     bool tcp = strncmp(link, "tcp:", 4) == 0 && strrchr(link + 4, ':') && strrchr(link + 4, ':')[1] != '\0';
     bool rtu = strncmp(link, "rtu:", 4) == 0 && link[4] != '\0';
@@ -110,7 +112,7 @@ static void check_pair_on_bus(const struct check *c, int a, int b) {
     const struct config_axis *first = config_axis_at(c->config, a, &path_a);
     const struct config_axis *second = config_axis_at(c->config, b, &path_b);
     char key[64];
-    if (first->kind != CONFIG_AXIS_MOTOR || second->kind != CONFIG_AXIS_MOTOR ||
+    if (first->kind != CONFIG_AXIS_MOTOR || second->kind != CONFIG_AXIS_MOTOR || !*first->link ||
         strcmp(first->link, second->link) != 0)
         return;
     snprintf(key, sizeof key, "%s.unit", path_b);

@@ -1,4 +1,6 @@
 /* Every method of the socket is one row of METHODS: its right, its parameters, what it does. */
+#include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -177,7 +179,8 @@ static int manual(enum desk_manual_kind kind, const json_t *params, struct desk_
     order->command = COMMAND_MANUAL;
     m->kind = kind;
     m->deg = json_number_value(json_object_get(params, "deg"));
-    m->average = (int)json_number_value(json_object_get(params, "average"));
+    double average = json_number_value(json_object_get(params, "average"));
+    m->average = average > 0 ? (int)fmin(average, INT_MAX) : 0;
     m->exposure_ms = json_number_value(json_object_get(params, "exposure_ms"));
     m->lamp = json_object_get(params, "lamp") != json_false();
     int rc = axis ? copy_name(m->axis, sizeof m->axis, axis, "name of the axis", e) : 0;

@@ -1,4 +1,5 @@
 /* goniod: reads its config, takes what must be its alone, then measures until it is told to end. */
+#include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <getopt.h>
@@ -84,8 +85,8 @@ static int read_options(int argc, char **argv, struct options *o) {
         case 'n':
             seeded = true;
             o->seed = strtoull(optarg, &end, 10);
-            if (*end || !*optarg)
-                return bad_usage("--seed takes a whole number");
+            if (*end || !isdigit((unsigned char)*optarg))
+                return bad_usage("--seed takes a whole number from 0 on");
             break;
         case 'k':
             o->socket = optarg;
@@ -103,7 +104,8 @@ static int read_options(int argc, char **argv, struct options *o) {
             puts("goniod " GONIOD_VERSION);
             return 0;
         default:
-            return bad_usage("see above");
+            fputs(usage, stderr); /* getopt has said what is wrong */
+            return 2;
         }
     }
     if (optind < argc)
@@ -136,11 +138,29 @@ static int read_config(struct daemon *d) {
         d->config_text = strdup(config_builtin_text());
         size = strlen(d->config_text);
     } else if (file_read(file, CONFIG_MAX, &d->config_text, &size, &e) < 0) {
-        return complain(&e);
+        complain(&e);
+        if (!d->options.config)
+            fputs("goniod: name the config of your bench with --config, or try a simulated one with "
+                  "--simulate\n",
+                  stderr);
+        return 2;
     }
     int status = config_read_text(file, d->config_text, size, &d->config, &errors) < 0 ? 2 : 0;
     complain_all(&errors);
     err_list_free(&errors);
+    return status;
+}
+
+/* What the config names must be there too: profiles, the model of the spectrometer. */
+static int check_config(struct daemon *d) {
+    static struct instruments named;
+    struct err_list errors = {0};
+    int status = instruments_load(&named, &d->bench, &d->config, &d->wiring, "", &errors) < 0 ? 2 : 0;
+    complain_all(&errors);
+    err_list_free(&errors);
+    instruments_free(&named);
+    if (status == 0)
+        fputs(d->config_text, stdout);
     return status;
 }
 
@@ -187,7 +207,9 @@ static int lock_sessions(struct daemon *d, struct err *e) {
     int made = mkdir(d->sessions, DIR_MODE);
     int saved = errno;
     if (made < 0 && saved != EEXIST)
-        return err_errno(e, ERR_IO, saved, "cannot make the folder of sessions %s", d->sessions);
+        return err_errno(e, ERR_IO, saved,
+                         "cannot make the folder of sessions %s (the folder above it must be there)",
+                         d->sessions);
     if (statfs(d->sessions, &fs) == 0 && session_network_filesystem(fs.f_type))
         return err_set(
             e, ERR_INPUT,
@@ -295,7 +317,7 @@ int main(int argc, char **argv) {
         return status;
     status = read_config(&d);
     if (status == 0 && d.options.check_config)
-        fputs(d.config_text, stdout);
+        status = check_config(&d);
     else if (status == 0)
         status = run(&d);
     stop(&d);

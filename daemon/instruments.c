@@ -208,6 +208,19 @@ int instruments_open_stage(struct instruments *i, const bool uses[STAGE_AXES], s
     return 0;
 }
 
+/* A redirected unit is not chosen by its serial number, so it is looked at again here. */
+static int check_serial(const struct instruments *i, struct err *e) {
+    const char *wanted = i->config->spectrometer.serial,
+               *found = spectrometer_calibration(i->spectrometer)->serial;
+    if (i->wiring->simulated || !*wanted || strcmp(wanted, found) == 0)
+        return 0;
+    return err_set(
+        e, ERR_DEVICE,
+        "the spectrometer at %s has the serial number %s, goniod.yaml asks for %s: connect that one, "
+        "or change spectrometer.serial",
+        i->config->spectrometer.link, found, wanted);
+}
+
 int instruments_open_spectrometer(struct instruments *i, const struct cancel *cancel, struct err *e) {
     if (i->spectrometer)
         return 0;
@@ -220,6 +233,8 @@ int instruments_open_spectrometer(struct instruments *i, const struct cancel *ca
     result = usb_link_serve(&i->usb, i->bench, e);
     if (result == 0)
         result = spectrometer_open(&i->spectrometer, i->model, &i->usb, i->bench, cancel, e);
+    if (result == 0)
+        result = check_serial(i, e);
     if (result < 0)
         instruments_close_spectrometer(i);
     return result;

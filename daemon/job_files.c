@@ -21,7 +21,7 @@ static int load_certificate(const char *job_path, const struct job *job, struct 
     snprintf(file->name, sizeof file->name, "%s", job->reference.certificate_file);
     int rc = file_read(path, CERTIFICATE_BYTES_MAX, &text, &file->size, &e);
     if (rc < 0)
-        job_complain(job, errors, "reference.certificate", "%s", e.text);
+        job_complain(job, errors, "reference.certificate", "certificate %s: %s", file->name, e.text);
     else
         file->text = text;
     return rc;

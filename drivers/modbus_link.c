@@ -73,9 +73,8 @@ static int lock_tty(struct bus *b, struct err *e) {
     }
     if (flock(b->lock_fd, LOCK_EX | LOCK_NB) == 0)
         return 0;
-    saved = errno;
-    return err_errno(e, ERR_BUSY, saved, "%s is in use by another goniod or gonioctl (fuser -v tells which)",
-                     b->device);
+    return err_set(e, ERR_BUSY, "%s is in use by another goniod or gonioctl (fuser -v tells which)",
+                   b->device);
 }
 
 static int connect_bus(struct bus *b, struct err *e) {

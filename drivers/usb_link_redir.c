@@ -381,8 +381,10 @@ static int meet(struct redir *r, const char *where, struct err *e) {
                        where, r->trouble[0] ? " " : "", r->trouble);
     if (usbredirparser_have_peer_caps(r->parser))
         return err_set(e, ERR_DEVICE, "the USB redirection host at %s answers but has no device", where);
-    return err_set(e, ERR_LINK, "the USB redirection host at %s did not answer within %lld s", where,
-                   OPEN_US / US_PER_S);
+    return err_set(
+        e, ERR_LINK,
+        "the USB redirection host at %s did not answer within %lld s: does another program use it?", where,
+        OPEN_US / US_PER_S);
 }
 
 static int open_stream(struct redir *r, const char *where, struct err *e) {
