@@ -171,7 +171,7 @@ demo:
 	@$(MAKE) --no-print-directory -j$(JOBS) all
 	@bash docs/examples/demo/run.sh $(BUILD)
 
-# Judged as measurement.md 11 says; a seed is again FIRST=SEED SEEDS=1.
+# Judged as measurement.md 11 says; one seed again: FIRST=SEED SEEDS=1; also MODE=fixed, FILLING=beam-in-view.
 pulls: $(BUILD)/tests/scenario/test_pulls all
 	@SEEDS=$(or $(SEEDS),200) FIRST=$(or $(FIRST),1) $<
 

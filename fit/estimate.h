@@ -46,6 +46,10 @@ struct estimate_bracket { /* drift between two reference readings (measurement.m
     double rate;            /* r, relative variance per second */
 };
 
+/* Which spot lies inside the other, and where the reference was read: fit/spot.h. */
+enum estimate_filling { ESTIMATE_FILLING_UNKNOWN, ESTIMATE_VIEW_IN_BEAM, ESTIMATE_BEAM_IN_VIEW };
+enum estimate_reference { ESTIMATE_REFERENCE_FIXED, ESTIMATE_REFERENCE_INCIDENCE, ESTIMATE_REFERENCE_OWN };
+
 struct estimate_step { /* one iteration of the solver, over all passes */
     double t_us, cost;
 };
@@ -68,6 +72,8 @@ struct estimate_input {
     const struct estimate_bracket *bracket;
     double u_repeat_source_deg, u_repeat_sample_deg; /* independent per move */
     double u_zero_source_deg, u_zero_sample_deg;     /* common */
+    enum estimate_filling filling;                   /* unknown: axis errors move the surface's angles only */
+    enum estimate_reference reference;               /* its angle: fixed, the point's theta_i, or both */
     double kappa;                                    /* 1, or pi for the paper's printed form */
     bool q_is_one;                                   /* the paper's own use */
     bool unweighted;                                 /* the paper's Eq. 6 */

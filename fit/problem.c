@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "fit/spot.h"
+
 #define BETA_MAX 1e12 /* far above any lobe (beta' 1e6 at grazing); keeps squares finite */
 /* No visible mean is known better: counting alone leaves 1e-4 (measurement.md 6). */
 #define FLOOR_RELATIVE 1e-5
@@ -106,10 +108,12 @@ static int allocate(struct problem *p, struct err *e) {
     p->angle_u2 = calloc(n, sizeof(double));
     p->slope_source = calloc(n, sizeof(double));
     p->slope_sample = calloc(n, sizeof(double));
+    p->spot_source = calloc(n, sizeof(double));
+    p->spot_sample = calloc(n, sizeof(double));
     p->model_beta = calloc(n, sizeof(double));
     p->gradient = calloc(n * (size_t)p->k, sizeof(double));
     if (!p->geometry || !p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample ||
-        !p->model_beta || !p->gradient) {
+        !p->spot_source || !p->spot_sample || !p->model_beta || !p->gradient) {
         return err_set(e, ERR_NOMEM, "no memory for a fit of %zu points", p->n);
     }
     return 0;
@@ -141,6 +145,8 @@ void problem_free(struct problem *p) {
     free(p->angle_u2);
     free(p->slope_source);
     free(p->slope_sample);
+    free(p->spot_source);
+    free(p->spot_sample);
     free(p->model_beta);
     free(p->gradient);
     *p = (struct problem){0};
@@ -222,6 +228,23 @@ static void noise_law(const struct problem *p, double *a, double *c) {
     }
 }
 
+/* Axis errors of point i: those of each reading alone into angle_u2, those of the zeros as slopes. */
+static void add_spot(struct problem *p, size_t i) {
+    const struct estimate_input *in = p->input;
+    const double u2_source = in->u_repeat_source_deg * in->u_repeat_source_deg;
+    const double u2_sample = in->u_repeat_sample_deg * in->u_repeat_sample_deg;
+    struct spot s;
+    spot_at(in, i, &s);
+    const double k_source = p->model_beta[i] * s.source, k_sample = p->model_beta[i] * s.sample;
+    const double by_source = p->slope_source[i] + k_source, by_sample = p->slope_sample[i] + k_sample;
+    p->angle_u2[i] = by_source * by_source * u2_source + by_sample * by_sample * u2_sample;
+    if (s.own_reference) {
+        p->angle_u2[i] += k_source * k_source * u2_source + k_sample * k_sample * u2_sample;
+    }
+    p->spot_source[i] = s.zeros_cancel ? 0 : k_source;
+    p->spot_sample[i] = s.zeros_cancel ? 0 : k_sample;
+}
+
 int problem_reweigh(struct problem *p, const double *value, struct err *e) {
     const struct estimate_input *in = p->input;
     double a = 1, c = 0;
@@ -235,12 +258,10 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
         if (status) {
             return status;
         }
+        add_spot(p, i);
         if (!in->u_ind) {
             continue;
         }
-        double by_source = p->slope_source[i] * in->u_repeat_source_deg;
-        double by_sample = p->slope_sample[i] * in->u_repeat_sample_deg;
-        p->angle_u2[i] = by_source * by_source + by_sample * by_sample;
         double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
         double seen = in->beta[i], fitted = p->model_beta[i];
         /* A deviation of many u is not noise: the model misses the point, and its noise is as it was seen. */

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/spot.h"
+
 static int refuse(struct err *e, const char *where, const char *expected) {
     return err_set(e, ERR_INPUT, "in the request %s must be %s", where, expected);
 }
@@ -205,6 +207,17 @@ static int read_model(const json_t *json, struct fitset *data, struct err *e) {
     return status;
 }
 
+static int read_spot(const json_t *json, struct fitset *data, struct err *e) {
+    const json_t *filling = json_object_get(json, "filling"), *reference = json_object_get(json, "reference");
+    if ((filling && !json_is_string(filling)) || (reference && !json_is_string(reference))) {
+        return refuse(e, "filling and reference", "the names of a filling case and of a reference mode");
+    }
+    int status = filling ? spot_find_filling(json_string_value(filling), &data->input.filling, e) : 0;
+    return status || !reference
+               ? status
+               : spot_find_reference(json_string_value(reference), &data->input.reference, e);
+}
+
 int request_read_settings(const json_t *json, struct fitset *data, struct err *e) {
     struct estimate_input *in = &data->input;
     struct {
@@ -219,6 +232,7 @@ int request_read_settings(const json_t *json, struct fitset *data, struct err *e
         return err_set(e, ERR_INPUT, "a request must be a JSON object");
     }
     int status = read_model(json, data, e);
+    status = status ? status : read_spot(json, data, e);
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers && !status; i++) {
         status = get_number(json, numbers[i].key, numbers[i].value, e);
     }

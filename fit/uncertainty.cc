@@ -26,10 +26,15 @@ struct cause { /* a common cause, made alike for the user's and for the two axis
     const int *point;
     const double *mean, *bands;
     double scale;
-    bool achromatic; /* the same change in every band: an angle moves the lobe, which has no colour */
+    const double
+        *spot; /* of an axis zero, else NULL. Its mean is the same change in every band, as an angle moves
+                           the lobe, which has no colour; the spot's part comes on top, in proportion to beta */
 
     size_t at(size_t i) const {
         return point ? static_cast<size_t>(point[i]) : i;
+    }
+    double change(size_t i) const {
+        return scale * (mean[i] + (spot ? spot[i] : 0));
     }
 };
 
@@ -38,13 +43,13 @@ std::vector<cause> causes_of(const struct problem *p) {
     std::vector<cause> all;
     for (size_t c = 0; c < in->n_common; c++) {
         const struct estimate_common *x = &in->common[c];
-        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1, false});
+        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1, nullptr});
     }
     if (in->u_zero_source_deg > 0) {
-        all.push_back({p->n, nullptr, p->slope_source, nullptr, in->u_zero_source_deg, true});
+        all.push_back({p->n, nullptr, p->slope_source, nullptr, in->u_zero_source_deg, p->spot_source});
     }
     if (in->u_zero_sample_deg > 0) {
-        all.push_back({p->n, nullptr, p->slope_sample, nullptr, in->u_zero_sample_deg, true});
+        all.push_back({p->n, nullptr, p->slope_sample, nullptr, in->u_zero_sample_deg, p->spot_sample});
     }
     return all;
 }
@@ -162,7 +167,7 @@ void add_common(struct uncertainty *u, const workspace &w) {
         double seen = 0;
         for (size_t i = 0; i < c.n; i++) {
             const size_t at = c.at(i);
-            const double change = c.scale * c.mean[i];
+            const double change = c.change(i);
             moved += w.h.col(at) * change;
             pulled += w.j.row(at).transpose() * (w.weight(at) * change);
             seen += w.weight(at) * change * change;
@@ -275,8 +280,8 @@ double common_variance(const band_work &w, int band) {
         double moved = 0;
         for (size_t i = 0; i < c.n; i++) {
             const size_t at = c.at(i);
-            const double mean = c.scale * c.mean[i];
-            double here = c.achromatic ? mean : mean * band_ratio(w.p, at, w.fitted(at));
+            const double mean = c.change(i), ratio = band_ratio(w.p, at, w.fitted(at));
+            double here = c.spot ? c.scale * (c.mean[i] + c.spot[i] * ratio) : mean * ratio;
             if (c.bands && std::isfinite(c.bands[i * BANDS + band])) {
                 here = c.scale * c.bands[i * BANDS + band];
             }

@@ -4,7 +4,8 @@
  *   SEEDS=200 FIRST=1 build/tests/scenario/test_pulls     (make pulls SEEDS=200)
  *
  * Seeds run from FIRST on, none left out; five from 1 by default. Each draws noise, drift, certificate, axis zeros
- * and repeatability anew. */
+ * and repeatability anew. MODE=fixed (or another) reads the reference in that mode instead of the jobs' own;
+ * FILLING=beam-in-view turns the spots round. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -28,13 +29,33 @@ static int number_of(const char *name, int otherwise) {
     return text ? atoi(text) : otherwise;
 }
 
+/* A new text with `part`, where it stands in `text`, exchanged; NULL: a copy. */
+static char *exchanged(const char *text, const char *part, const char *by) {
+    char *new, *at = by ? strstr(text, part) : NULL;
+    if (!at)
+        return strdup(text);
+    assert_true(asprintf(&new, "%.*s%s%s", (int)(at - text), text, by, at + strlen(part)) > 0);
+    return new;
+}
+
+static char *bench_text(void) {
+    const char *filling = getenv("FILLING");
+    bool turned = filling && !strcmp(filling, "beam-in-view");
+    return exchanged(config_builtin_text(), "beam_mm: 20, view_mm: 3, filling: view-in-beam",
+                     turned ? "beam_mm: 3, view_mm: 20, filling: beam-in-view" : NULL);
+}
+
 static void queue_jobs(struct lab *lab) {
     for (int i = 0; i < PULLS_SAMPLES; i++) {
-        char path[128], *text;
+        const char *mode = getenv("MODE");
+        char path[128], by[64], *text;
         size_t size;
+        snprintf(by, sizeof by, "mode: %s", mode ? mode : "");
         snprintf(path, sizeof path, FOLDER "%s.yaml", JOBS[i]);
         assert_int_equal(file_read(path, 1 << 16, &text, &size, NULL), 0);
-        lab_job(lab, text);
+        char *job = exchanged(text, "mode: every_geometry", mode ? by : NULL);
+        lab_job(lab, job);
+        free(job);
         free(text);
     }
 }
@@ -67,13 +88,14 @@ static void print_seed(const struct pulls *p, int at, int seed) {
 
 static void run_seed(struct pulls *p, int at, int seed) {
     static struct lab lab;
-    char dir[96];
+    char dir[96], *config = bench_text();
     lab_make_dir(dir);
-    lab_open(&lab, dir, &(struct simulate_options){.seed = (uint64_t)seed}, NULL);
+    lab_open(&lab, dir, &(struct simulate_options){.seed = (uint64_t)seed}, config);
     queue_jobs(&lab);
     lab_run(&lab);
     assert_int_equal(lab.ended, CAMPAIGN_DONE);
     lab_close(&lab);
+    free(config);
     take_pulls(&lab, p, at);
     lab_remove_dir(dir);
     print_seed(p, at, seed);

@@ -52,6 +52,15 @@ static char *bench_text(bool beam_in_view) {
     return text;
 }
 
+/* The estimation has to know how K depends on the angles. */
+static void check_fit_setup(struct session *s, bool beam_in_view, int mode) {
+    char *text = NULL;
+    assert_int_equal(session_get_text(s, "fit_setup", &text, NULL), 0);
+    assert_non_null(strstr(text, beam_in_view ? "\"beam-in-view\"" : "\"view-in-beam\""));
+    assert_non_null(strstr(text, MODE[mode]));
+    free(text);
+}
+
 static void measure(struct truth_check *c, int mode, int seed) {
     static struct lab lab;
     char dir[96], name[192];
@@ -65,6 +74,7 @@ static void measure(struct truth_check *c, int mode, int seed) {
     assert_int_equal(lab.ended, CAMPAIGN_DONE);
     assert_true(lab_session(&lab, 0, name));
     struct session *s = lab_open_session(&lab, name);
+    check_fit_setup(s, c->beam_in_view, mode);
     truth_check_load(c, s);
     session_close(s, NULL);
     lab_close(&lab);

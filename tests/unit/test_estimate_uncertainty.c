@@ -195,6 +195,46 @@ static void mirrored_points_see_a_zero_with_the_other_sign(void **state) {
     assert_true(both_sides.common[MATERIAL_N][MATERIAL_N] < 0.1 * one_sided.common[MATERIAL_N][MATERIAL_N]);
 }
 
+/* The zero of one axis off by one u, all else exact: every parameter moves by what is stated, in each way a reference
+ * can be read. */
+static void check_zero(enum estimate_filling filling, enum estimate_reference reference, bool source) {
+    struct estimate estimate, exact = {.model = "composite", .kappa = 1, .q = 1};
+    double by_source[GONIOMETRY_MAX], by_sample[GONIOMETRY_MAX];
+    goniometry_make(&m, goniometry_set[2], 60, 5);
+    memcpy(exact.value, m.value, sizeof exact.value);
+    estimate_axis_slopes(&exact, m.input.n, m.theta_i_deg, m.theta_v_deg, NULL, by_source, by_sample, NULL);
+    for (size_t i = 0; i < m.input.n; i++) {
+        double i_deg = m.theta_i_deg[i], v_deg = m.theta_v_deg[i], factor = 1;
+        double di_deg = source ? ZERO_U_DEG : -ZERO_U_DEG, dv_deg = source ? 0 : ZERO_U_DEG;
+        if (filling == ESTIMATE_VIEW_IN_BEAM && reference == ESTIMATE_REFERENCE_FIXED)
+            factor = cos((i_deg + di_deg) * M_PI / 180) / cos(i_deg * M_PI / 180);
+        if (filling == ESTIMATE_BEAM_IN_VIEW && reference != ESTIMATE_REFERENCE_OWN)
+            factor = cos((v_deg + dv_deg) * M_PI / 180) / cos(v_deg * M_PI / 180);
+        m.beta[i] = factor * (m.truth[i] + ZERO_U_DEG * (source ? by_source[i] : by_sample[i]));
+    }
+    m.input.filling = filling;
+    m.input.reference = reference;
+    *(source ? &m.input.u_zero_source_deg : &m.input.u_zero_sample_deg) = ZERO_U_DEG;
+    assert_int_equal(estimate_fit(&m.input, &estimate, NULL), 0);
+    for (int j = 0; j < 5; j++) {
+        double moved = fabs(estimate.value[j] - m.value[j]), stated = sqrt(estimate.common[j][j]);
+        assert_true(fabs(moved - stated) < 0.03 * stated + 2e-6 * m.value[j]);
+    }
+}
+
+static void a_zero_moves_what_is_stated(void **state) {
+    (void)state;
+    for (int source = 0; source < 2; source++) {
+        check_zero(ESTIMATE_FILLING_UNKNOWN, ESTIMATE_REFERENCE_FIXED, source);
+        check_zero(ESTIMATE_VIEW_IN_BEAM, ESTIMATE_REFERENCE_FIXED, source);
+        check_zero(ESTIMATE_VIEW_IN_BEAM, ESTIMATE_REFERENCE_INCIDENCE, source);
+        check_zero(ESTIMATE_VIEW_IN_BEAM, ESTIMATE_REFERENCE_OWN, source);
+        check_zero(ESTIMATE_BEAM_IN_VIEW, ESTIMATE_REFERENCE_FIXED, source);
+        check_zero(ESTIMATE_BEAM_IN_VIEW, ESTIMATE_REFERENCE_INCIDENCE, source);
+        check_zero(ESTIMATE_BEAM_IN_VIEW, ESTIMATE_REFERENCE_OWN, source);
+    }
+}
+
 static void a_bad_model_says_so_and_never_shrinks_its_u(void **state) {
     (void)state;
     struct estimate right, wrong;
@@ -219,6 +259,7 @@ int main(void) {
         cmocka_unit_test(total_covers_certificate_references_drift_and_zeros),
         cmocka_unit_test(averaging_never_shrinks_a_common_part),
         cmocka_unit_test(mirrored_points_see_a_zero_with_the_other_sign),
+        cmocka_unit_test(a_zero_moves_what_is_stated),
         cmocka_unit_test(a_bad_model_says_so_and_never_shrinks_its_u),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
