@@ -157,8 +157,11 @@ static bool subtract_dark(struct reducer *r, struct reading *x) {
     if (!d && !r->setup.without_dark)
         return false;
     x->dark = d;
-    for (int band = 0; band < BANDS; band++)
+    for (int band = 0; band < BANDS; band++) {
         x->net[band] = x->light.value[band] - (d ? d->spectrum.value[band] : 0);
+        double moment = x->light.moment[band] - (d ? d->spectrum.moment[band] : 0);
+        x->centroid_nm[band] = x->net[band] > 0 ? moment / x->net[band] : 0;
+    }
     return true;
 }
 

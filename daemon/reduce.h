@@ -7,6 +7,8 @@
  *
  * Counts     scaled to 65535 at saturation, electric dark of the same scan taken off, linearised, averaged over
  *            the scans, resampled, stored dark taken off; per scan, not per second.
+ * Bands      the ratio of two resampled spectra is beta about the centroid of the light inside the band, as the
+ *            diffuser shows it; by the slope of beta between the neighbouring bands it is brought to the centre.
  * Noise      u_ind is the sample reading's own: var = (RN^2 + S/g) / n_scans per pixel, and the noise of the
  *            electric dark, which all bands share; raised to the scatter of the scans where an F test at 99.9 %
  *            says so (point.noisy). All else is a named common part with a signed sensitivity: certificate,

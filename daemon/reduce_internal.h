@@ -14,6 +14,7 @@ struct band_noise {
 
 struct spectrum { /* counts per scan by band; bands outside the spectrometer's range are 0 */
     double value[BANDS];
+    double moment[BANDS]; /* counts nm: the same average of count times distance from the band's centre */
     struct band_noise noise;
     double mean; /* over the active pixels */
     double scan_f;
@@ -56,6 +57,7 @@ struct reading {
     struct spectrum light;
     const struct dark *dark;   /* NULL: none subtracted */
     double net[BANDS];         /* light - dark, counts per scan */
+    double centroid_nm[BANDS]; /* of that light inside the band, from its centre */
     int64_t point_id;          /* of the provisional point, 0 = none yet */
     struct reading *reference; /* of a sample: what it is divided by */
 };

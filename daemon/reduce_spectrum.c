@@ -157,11 +157,12 @@ static void fill_band(struct spectrum *out, const struct calibration *c, const s
                       int band, const struct pixel_stats *stats, const double *variance, int n_scans) {
     double electric = c->read_noise_counts / sqrt((double)(c->dark_last - c->dark_first + 1) * n_scans);
     const double *w = bands->weight[band];
-    double value = 0, var = 0, slope = 0, cov = 0;
+    double value = 0, moment = 0, var = 0, slope = 0, cov = 0;
     for (int p = bands->first[band]; p <= bands->last[band]; p++) {
         int i = p - c->active_first;
         double weight = w[p - bands->first[band]];
         value += weight * (stats[i].sum / n_scans);
+        moment += weight * (stats[i].sum / n_scans) * (calibration_lambda_nm(c, p) - band_nm(band));
         slope += weight * (stats[i].slope / n_scans);
         var += weight * weight * variance[i];
         if (band + 1 < BANDS && bands->covered[band + 1] && p >= bands->first[band + 1] &&
@@ -169,6 +170,7 @@ static void fill_band(struct spectrum *out, const struct calibration *c, const s
             cov += weight * bands->weight[band + 1][p - bands->first[band + 1]] * variance[i];
     }
     out->value[band] = value;
+    out->moment[band] = moment;
     out->noise.var[band] = var;
     out->noise.cov_next[band] = cov;
     out->noise.electric[band] = electric * slope;
