@@ -162,8 +162,8 @@ install: all
 	install -m 644 drivers/60-goniod.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d
 	sed 's|@PREFIX@|$(PREFIX)|' daemon/goniod.service > $(DESTDIR)$(PREFIX)/lib/systemd/system/goniod.service
 	install -m 644 daemon/goniod.sysusers $(DESTDIR)$(PREFIX)/lib/sysusers.d/goniod.conf
-	install -m 644 LICENSE $(wildcard README.md docs/*.md) $(DESTDIR)$(PREFIX)/share/doc/goniod
-	$(if $(wildcard docs/examples),cp -r docs/examples $(DESTDIR)$(PREFIX)/share/doc/goniod)
+	install -m 644 LICENSE README.md $(DESTDIR)$(PREFIX)/share/doc/goniod
+	cp -r docs $(DESTDIR)$(PREFIX)/share/doc/goniod
 
 # Hooker's Green on board and paper, measured in virtual time.
 demo:

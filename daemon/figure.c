@@ -29,12 +29,15 @@ int figure_begin(struct figure *f, const char *dir, const char *name, const char
         return -ERR_IO;
     }
     fprintf(f->csv, "%s\n", csv_header);
-    fprintf(f->gp,
-            "# gnuplot %s.gp draws %s.svg and %s.pdf from %s.csv\n"
-            "set datafile separator \",\"\nset datafile missing NaN\nset encoding utf8\n"
-            "set key noautotitle samplen 1.5 font \",9\"\nset grid lc rgb \"#dddddd\"\nset tics font \",9\"\n"
-            "data = \"%s.csv\"\n",
-            name, name, name, name, name);
+    fprintf(
+        f->gp,
+        "# gnuplot %s.gp draws %s.svg and %s.pdf from %s.csv\n"
+        "set datafile separator \",\"\nset datafile missing NaN\nset encoding utf8\n"
+        "set key noautotitle samplen 1.5 font \",9\"\nset grid lc rgb \"#dddddd\"\nset tics font \",9\"\n"
+        /* By default gnuplot clears a box behind each point that has an error bar, and the curve with it. */
+        "set pointintervalbox 0.01\nset errorbars 0.3\n"
+        "data = \"%s.csv\"\n",
+        name, name, name, name, name);
     return 0;
 }
 

@@ -6,11 +6,16 @@
 #include "proto/yaml.h"
 
 static int help(FILE *out) {
-    fprintf(out, "gonioctl VERB [OPTION...]\n\n");
+    fprintf(
+        out,
+        "usage: gonioctl VERB [OPTION...]\nCommands goniod over its socket, and looks into sessions.\n\n");
     for (const struct verb *v = VERBS; v->name; v++)
         fprintf(out, "  %-11s%-46s%s\n", v->name, v->operands, v->doc);
-    fprintf(out, "\n'gonioctl VERB --help' lists the options of a verb. A SESSION is a name or a path.\n"
-                 "Exit status: 0 done, 1 the work failed, 2 bad usage or bad input.\n");
+    fprintf(
+        out,
+        "\n'gonioctl VERB --help' lists the options of a verb; --version prints the version. A SESSION is a\n"
+        "name or a path.\n"
+        "Exit status: 0 done, 1 the work failed, 2 bad usage or bad input.\n");
     return out == stdout ? 0 : 2;
 }
 

@@ -46,13 +46,15 @@ struct daemon {
 static const char usage[] =
     "usage: goniod [--config FILE] [--simulate [--seed N]] [--socket PATH] [--sessions DIR] "
     "[--check-config]\n"
+    "Runs a goniospectrometer unattended, and serves gonioctl, until SIGTERM.\n"
     "  --config FILE    the instruments of the bench (default " CONFIG_DEFAULT ")\n"
     "  --simulate       a simulated bench in virtual time; without --config a built-in one\n"
     "  --seed N         of the simulated bench's draws and noise (default 1)\n"
     "  --socket PATH    default: GONIOD_SOCKET, /run/goniod/goniod.sock, or $XDG_RUNTIME_DIR/goniod.sock\n"
     "  --sessions DIR   default: GONIOD_SESSIONS, /var/lib/goniod/sessions, or $XDG_DATA_HOME/goniod\n"
     "  --check-config   reads the config, says what is wrong with it, and ends\n"
-    "  --help, --version\n";
+    "  --help, --version\n"
+    "Exit status: 0 ended by a signal, 1 it could not serve, 2 bad usage or bad config.\n";
 
 /* ---- options ---- */
 

@@ -4,8 +4,9 @@
 #include "daemon/verbs.h"
 
 static const struct verb_option SHARED[] = {
-    {"--socket", 0, "PATH", "goniod's socket (default: GONIOD_SOCKET, /run/goniod/goniod.sock)"},
-    {"--sessions", 0, "DIR", "folder of the sessions (default: GONIOD_SESSIONS, /var/lib/goniod/sessions)"},
+    {"--socket", 0, "PATH",
+     "default: GONIOD_SOCKET, /run/goniod/goniod.sock, or $XDG_RUNTIME_DIR/goniod.sock"},
+    {"--sessions", 0, "DIR", "default: GONIOD_SESSIONS, /var/lib/goniod/sessions, or $XDG_DATA_HOME/goniod"},
     {"--json", 0, NULL, "one JSON object on stdout"},
     {"--help", 'h', NULL, "this text"},
     {0}};
@@ -28,7 +29,7 @@ static void print_options(const struct verb_option *options) {
 
 static int help(const char *name, const struct verb_option *options) {
     const struct verb *v = find(name);
-    printf("gonioctl %s %s\n%s\n\n", name, v->operands, v->doc);
+    printf("usage: gonioctl %s %s\n%s\n\n", name, v->operands, v->doc);
     print_options(options);
     print_options(SHARED);
     return 0;

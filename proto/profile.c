@@ -33,8 +33,9 @@ static bool in_folder(const char *folder, const char *name, char *path, size_t s
     return n > 0 && (size_t)n < size && access(path, R_OK) == 0;
 }
 
-/* drivers/profiles of the tree in which this program was built */
-static bool in_source_tree(const char *name, char *path, size_t size) {
+/* drivers/profiles of the tree in which this program was built, or the folder of the prefix under which it is installed,
+ * wherever that has been moved to */
+static bool near_program(const char *name, char *path, size_t size) {
     char folder[PATH_MAX];
     ssize_t n = readlink("/proc/self/exe", folder, sizeof folder - 32);
     for (int level = 0; n > 0 && level < TREE_LEVELS; level++) {
@@ -43,6 +44,9 @@ static bool in_source_tree(const char *name, char *path, size_t size) {
         if (!slash || slash == folder)
             return false;
         strcpy(slash, "/drivers/profiles");
+        if (in_folder(folder, name, path, size))
+            return true;
+        strcpy(slash, "/share/goniod/profiles");
         if (in_folder(folder, name, path, size))
             return true;
         n = slash - folder;
@@ -56,7 +60,7 @@ static bool find(const char *name, char *path, size_t size) {
         int n = snprintf(path, size, "%s", name);
         return n > 0 && (size_t)n < size;
     }
-    return (own && in_folder(own, name, path, size)) || in_source_tree(name, path, size) ||
+    return (own && in_folder(own, name, path, size)) || near_program(name, path, size) ||
            in_folder(PROFILE_DIR, name, path, size);
 }
 

@@ -10,7 +10,7 @@ check() { # name, condition as a command
     local name=$1
     shift
     number=$((number + 1))
-    if "$@"; then echo "ok $number - $name"; else echo "not ok $number - $name"; fi
+    if "$@" >/dev/null; then echo "ok $number - $name"; else echo "not ok $number - $name"; fi
 }
 
 # MAKEFLAGS of an outer make must not reach this one; -o all: the programs are being tested as they are.
@@ -19,12 +19,16 @@ check "make install ends well" test $? = 0
 sed 's/^/# /' "$work/log"
 root=$work/usr/local
 for file in share/goniod/profiles/om-az.yaml lib/udev/rules.d/60-goniod.rules lib/sysusers.d/goniod.conf \
-    lib/systemd/system/goniod.service share/doc/goniod/LICENSE; do
+    lib/systemd/system/goniod.service share/doc/goniod/LICENSE share/doc/goniod/README.md \
+    share/doc/goniod/docs/protocol.md share/doc/goniod/docs/examples/job.yaml; do
     check "$file" test -s "$root/$file"
 done
 for program in $(cd "$build" && find . -maxdepth 1 -type f -perm -u+x -printf '%f ' 2>/dev/null); do
     check "bin/$program" test -x "$root/bin/$program"
 done
+# From another folder, and from where nothing but the installed files can be found.
+check "the installed goniod finds its profiles" \
+    env -C / "$root/bin/goniod" --simulate --check-config
 check "the unit starts the installed program" grep -q '^ExecStart=/usr/local/bin/goniod ' \
     "$root/lib/systemd/system/goniod.service"
 check "no placeholder is left" test "$(grep -rl '@PREFIX@' "$root" | wc -l)" = 0
