@@ -6,7 +6,7 @@
 #include <string.h>
 
 #define SNAPSHOT_REAL_US (250 * US_PER_MS)
-#define SNAPSHOT_VIRTUAL_US (5 * US_PER_S) /* a few milliseconds of a person's time */
+#define SNAPSHOT_VIRTUAL_US (20 * US_PER_S) /* some 20 milliseconds of a person's time */
 #define NEVER_DONE_EARLY 0.999             /* 100 % is said by the state alone */
 
 static json_t *stamp(int64_t us) {
