@@ -236,6 +236,37 @@ static int name_unreadable(const struct session *s, int rc, struct err *e) {
         s->path);
 }
 
+/* A journal left by a kill is rolled back by whoever may write, here under the writer's lock and without writing a row.
+ * Returns 0 where it was. */
+static int put_right(struct session *s) {
+    struct store *writer = NULL;
+    int64_t application = 0;
+    int rc = take_lock(s, NULL);
+    if (rc == 0) {
+        rc = store_open(&writer, s->path, false, NULL);
+        if (rc == 0)
+            rc = store_number(writer, "PRAGMA application_id", 0, &application, NULL);
+        store_close(writer);
+        drop_lock(s);
+    } else if (s->lock_fd >= 0) {
+        close(s->lock_fd);
+    }
+    s->lock_fd = -1;
+    return rc;
+}
+
+static int check_readable(struct session *s, struct err *e) {
+    struct err first = {0};
+    int rc = check_version(s, &first);
+    if (rc == -ERR_PERMISSION && s->read_only && put_right(s) == 0) {
+        err_clear(&first);
+        rc = check_version(s, &first);
+    }
+    if (rc < 0 && e && e->code == ERR_NONE)
+        *e = first;
+    return name_unreadable(s, rc, e);
+}
+
 int session_open(struct session **out, const char *path, bool read_only, struct err *e) {
     struct session *s = NULL;
     bool locked = false;
@@ -253,7 +284,7 @@ int session_open(struct session **out, const char *path, bool read_only, struct 
     if (rc == 0)
         rc = store_open(&s->store, path, read_only, e);
     if (rc == 0)
-        rc = name_unreadable(s, check_version(s, e), e);
+        rc = check_readable(s, e);
     if (rc == 0 && !read_only)
         rc = begin_writing(s, e);
     if (rc < 0) {
