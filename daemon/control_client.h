@@ -28,8 +28,8 @@ struct control_client {
     uint64_t number; /* never used twice: a late outcome cannot reach another client */
     struct control_rights rights;
     bool watching, closing;
-    bool ended; /* it has sent its last line, and still reads */
-    int owed;   /* answers that come later: orders on the desk, plans being made */
+    bool ended;      /* it has sent its last line, and still reads */
+    int owed;        /* answers that come later: orders on the desk, plans being made */
     uint64_t missed; /* events dropped since the last one sent */
     char *line;
     size_t used, capacity;
