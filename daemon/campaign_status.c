@@ -7,7 +7,7 @@
 
 #define SNAPSHOT_REAL_US (250 * US_PER_MS)
 #define SNAPSHOT_VIRTUAL_US (20 * US_PER_S) /* some 20 milliseconds of a person's time */
-#define NEVER_DONE_EARLY 0.999             /* 100 % is said by the state alone */
+#define NEVER_DONE_EARLY 0.999              /* 100 % is said by the state alone */
 
 static json_t *stamp(int64_t us) {
     return us == INT64_MIN || us == CLOCK_NEVER ? json_null() : json_integer(us);
