@@ -12,6 +12,7 @@
 
 #include "proto/units.h"
 #include "sim/sim.h"
+#include "tests/support/judgement.h"
 #include "tests/support/lab.h"
 
 #define INCIDENCES "[20, 40]"
@@ -47,65 +48,10 @@ static double seconds(void) {
 
 /* ---- what a session holds against the truth ---- */
 
-struct judgement {
-    struct sim_surface surface;
-    int n, provisional;
-    double sum, sum2, worst;
-    double mean[256];
-    int32_t at[256][2];
-};
-
-static double true_mean(const struct sim_surface *s, double theta_i_deg, double theta_v_deg) {
-    double sum = 0;
-    int n = 0;
-    for (int k = 0; k < BANDS; k++)
-        if (band_nm(k) >= 400 && band_nm(k) <= 700) {
-            sum += sim_surface_beta(s, theta_i_deg, theta_v_deg, k);
-            n++;
-        }
-    return sum / n;
-}
-
-/* Angle parts are no part of a point's u: slope of the truth times what the stage states (sim_config_default). */
-static double angle_variance(const struct sim_surface *s, double i, double v) {
-    const double u2 = 0.01 * 0.01 + 0.002 * 0.002, h = 0.05;
-    double by_i = (true_mean(s, i + h, v) - true_mean(s, i - h, v)) / (2 * h);
-    double by_v = (true_mean(s, i, v + h) - true_mean(s, i, v - h)) / (2 * h);
-    return u2 * (by_i * by_i + (by_v - by_i) * (by_v - by_i));
-}
-
-static int judge(void *arg, const struct point *p) {
-    struct judgement *j = arg;
-    if (p->provisional) { /* of a bracket that was broken off: its geometry has been measured again */
-        j->provisional++;
-        return 0;
-    }
-    double i = deg_from_udeg(p->theta_i_udeg), v = deg_from_udeg(p->theta_v_udeg);
-    double truth = true_mean(&j->surface, i, v);
-    double variance = p->mean_u_ind * p->mean_u_ind + angle_variance(&j->surface, i, v);
-    for (int k = 0; k < p->n_common; k++)
-        variance += p->common[k].mean * p->common[k].mean;
-    variance += 1e-9 * 450 * truth * truth; /* lamp drift within a bracket of 15 min */
-    double pull = (p->mean - truth) / sqrt(variance);
-    if (j->n < 256) {
-        j->mean[j->n] = p->mean;
-        j->at[j->n][0] = p->theta_i_udeg;
-        j->at[j->n][1] = p->theta_v_udeg;
-    }
-    j->n++;
-    j->sum += pull;
-    j->sum2 += pull * pull;
-    j->worst = fmax(j->worst, fabs(pull));
-    return 0;
-}
-
-static void judge_session(const struct lab *lab, const char *name, struct judgement *j) {
-    struct err e = {0};
-    memset(j, 0, sizeof *j);
+static void judge_named(const struct lab *lab, const char *name, struct judgement *j) {
     assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, &j->surface, NULL), 0);
     struct session *s = lab_open_session(lab, name);
-    if (session_each_point(s, false, judge, j, &e) < 0)
-        fail_msg("%s", e.text);
+    judge_session(s, j);
     session_close(s, NULL);
 }
 
@@ -147,7 +93,7 @@ static void points_agree_with_the_truth(void **state) {
     assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
     assert_true(lab_session(&f->lab, 0, name));
     verify(&f->lab, name);
-    judge_session(&f->lab, name, &j);
+    judge_named(&f->lab, name, &j);
     print_message(
         "# %s: %d points in %.2f s of this machine, %.0f s of the bench; pulls: mean %.2f, rms %.2f, "
         "worst %.2f\n",
@@ -192,7 +138,7 @@ static void reference_modes_agree(void **state) {
         int at = 0;
         while (lab_session(&f->lab, at, name) && strncmp(name, mode[m], 5) != 0)
             at++;
-        judge_session(&f->lab, name, &j);
+        judge_named(&f->lab, name, &j);
         print_message("# %s: %d points, pulls: mean %.2f, rms %.2f, worst %.2f\n", mode[m], j.n, j.sum / j.n,
                       sqrt(j.sum2 / j.n), j.worst);
         assert_int_equal(j.n, N_POINTS);
@@ -218,7 +164,7 @@ static void pause_and_resume_lose_nothing(void **state) {
     assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
     assert_true(lab_session(&f->lab, 0, name));
     verify(&f->lab, name);
-    judge_session(&f->lab, name, &j);
+    judge_named(&f->lab, name, &j);
     assert_int_equal(j.n, N_POINTS);
     assert_int_equal(j.provisional, 0);
     assert_true(j.worst < 5);
@@ -279,7 +225,7 @@ static void an_interrupted_session_goes_on(void **state) {
     assert_false(lab_session(&f->lab, 1, name));
     assert_true(lab_session(&f->lab, 0, name));
     verify(&f->lab, name);
-    judge_session(&f->lab, name, &j);
+    judge_named(&f->lab, name, &j);
     assert_int_equal(j.n, N_POINTS);
     assert_true(j.worst < 5);
     lab_close(&f->lab);
