@@ -22,21 +22,23 @@ static const char *phase_name(enum axis_phase phase) {
     return name[phase];
 }
 
-static json_t *axis_json(const struct axis *axis) {
+static json_t *axis_json(const struct axis *axis, int64_t now_us) {
     struct axis_status s;
     axis_status(axis, &s);
-    return json_pack("{s:f, s:f, s:s, s:o, s:b, s:b, s:b, s:i, s:s}", "position_deg",
+    json_t *age = s.read_us == INT64_MIN ? json_null() : json_real((now_us - s.read_us) / (double)US_PER_MS);
+    return json_pack("{s:f, s:f, s:s, s:o, s:o, s:b, s:b, s:b, s:i, s:s}", "position_deg",
                      deg_from_udeg(s.position_udeg), "target_deg", deg_from_udeg(s.target_udeg), "phase",
-                     phase_name(s.phase), "read_us", stamp(s.read_us), "valid", s.valid, "connected",
-                     s.connected, "stop_confirmed", s.stop_confirmed, "alarm", s.alarm, "alarm_text",
-                     s.alarm_text);
+                     phase_name(s.phase), "read_us", stamp(s.read_us), "age_ms", age, "valid", s.valid,
+                     "connected", s.connected, "stop_confirmed", s.stop_confirmed, "alarm", s.alarm,
+                     "alarm_text", s.alarm_text);
 }
 
 json_t *campaign_stage_json(const struct campaign *c) {
     json_t *all = json_object();
     for (int a = 0; a < STAGE_AXES; a++)
         if (c->instruments.stage.axis[a])
-            json_object_set_new(all, stage_axis_name(a), axis_json(c->instruments.stage.axis[a]));
+            json_object_set_new(all, stage_axis_name(a),
+                                axis_json(c->instruments.stage.axis[a], clock_now_us(c->clock)));
     return all;
 }
 
