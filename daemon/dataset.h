@@ -51,9 +51,12 @@ struct dataset_sweep {
 };
 int dataset_sweeps(const struct dataset *d, struct dataset_sweep *sweep, int max);
 struct dataset_sweep dataset_sweep_nearest(const struct dataset *d, double theta_i_deg);
-/* Value of the fitted model at a geometry and, by its covariance, u. 0 or a negative code. */
+/* Value of the fitted model at a geometry and, by its covariance, u: of the surface itself, and as the points were
+ * seen, through the angular widths of source and sensor. 0 or a negative code. */
 int dataset_model(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta, double *u,
                   struct err *e);
+int dataset_model_seen(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta,
+                       double *u, struct err *e);
 /* Ratio of the model at two geometries of one incidence, with its u. */
 int dataset_model_ratio(const struct estimate *m, double theta_i_deg, double theta_v_deg,
                         double over_theta_v_deg, double *ratio, double *u, struct err *e);

@@ -136,7 +136,7 @@ static int plot_water(const struct plot_set *set, bool *drawn, struct err *e) {
 static void write_fit_point(struct figure *f, const struct dataset *d, const struct point *p) {
     double model = NAN, u = NAN;
     double theta_i_deg = deg_from_udeg(p->theta_i_udeg), theta_v_deg = deg_from_udeg(p->theta_v_udeg);
-    dataset_model(&d->estimate, theta_i_deg, theta_v_deg, &model, &u, NULL);
+    dataset_model_seen(&d->estimate, theta_i_deg, theta_v_deg, &model, &u, NULL);
     if (isfinite(p->mean))
         fprintf(f->csv, "%s,measured,%.3f,%.3f,%.9g,%.3g,%.9g,%.3g\n", d->sample, theta_i_deg, theta_v_deg,
                 p->mean, dataset_u_total(p), model, u);
@@ -145,7 +145,7 @@ static void write_fit_point(struct figure *f, const struct dataset *d, const str
 static void write_fit_curve(struct figure *f, const struct dataset *d, double theta_i_deg) {
     for (double v = -MODEL_LIMIT_DEG; v <= MODEL_LIMIT_DEG; v += MODEL_STEP_DEG) {
         double beta, u;
-        if (dataset_model(&d->estimate, theta_i_deg, v, &beta, &u, NULL) == 0)
+        if (dataset_model_seen(&d->estimate, theta_i_deg, v, &beta, &u, NULL) == 0)
             fprintf(f->csv, "%s,model,%.3f,%.3f,,,%.9g,%.3g\n", d->sample, theta_i_deg, v, beta, u);
     }
 }

@@ -68,7 +68,7 @@ static int write_residuals(struct figure *f, const struct dataset *d, const stru
         const struct point *p = &d->point[i];
         double model, u, theta_i_deg = deg_from_udeg(p->theta_i_udeg),
                          theta_v_deg = deg_from_udeg(p->theta_v_udeg);
-        if (!isfinite(p->mean) || dataset_model(m, theta_i_deg, theta_v_deg, &model, &u, NULL) != 0)
+        if (!isfinite(p->mean) || dataset_model_seen(m, theta_i_deg, theta_v_deg, &model, &u, NULL) != 0)
             continue;
         double residual = p->mean - model;
         fprintf(f->csv, "%s,%s,%.3f,%.3f,%.9g,%.3g,%.9g,%.6g,%.6g\n", d->sample, m->model, theta_i_deg,

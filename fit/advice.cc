@@ -33,10 +33,9 @@ Matrix prior_covariance(const struct problem *p, const struct uncertainty *u) {
 
 Vector row_of(const struct problem *p, const double *value, const double *chain, double theta_i_deg,
               double theta_v_deg, double *beta) {
-    struct reflectance_geometry g;
     double gradient[COORDINATES_MAX] = {0};
-    reflectance_geometry(&g, theta_i_deg, theta_v_deg, nullptr);
-    reflectance_eval(p->model, 1, &g, value, p->kappa, p->q, beta, gradient, nullptr);
+    aperture_at(&p->aperture.form, theta_i_deg, theta_v_deg, p->model, value, p->kappa, p->q, beta, gradient,
+                nullptr);
     return Eigen::Map<const Matrix>(chain, p->k, p->k).transpose() * Eigen::Map<const Vector>(gradient, p->k);
 }
 

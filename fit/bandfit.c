@@ -81,10 +81,10 @@ static int prepare_points(struct bandfit *f, const struct problem *p, const doub
     bool rough = p->k > 1 && reflectance_parameter(p->model, 1) == MATERIAL_SIGMA;
     for (size_t i = 0; i < p->n; i++) {
         struct reflectance_parts parts;
-        const struct reflectance_geometry *g = &p->geometry[i];
-        int status = reflectance_eval_parts(p->model, g, unit, p->kappa, 1, &parts, e);
-        if (status || (status = reflectance_eval(p->model, 1, g, unit, p->kappa, 0, &beta, direct, e)) ||
-            (status = reflectance_eval(p->model, 1, g, unit, p->kappa, 1, &beta, whole, e))) {
+        const struct aperture *a = &p->aperture;
+        int status = aperture_parts(a, i, p->model, unit, p->kappa, 1, &parts, e);
+        if (status || (status = aperture_eval(a, i, 1, p->model, unit, p->kappa, 0, &beta, direct, e)) ||
+            (status = aperture_eval(a, i, 1, p->model, unit, p->kappa, 1, &beta, whole, e))) {
             return status;
         }
         f->point[i] = (struct bandfit_point){.l1 = parts.diffuse,

@@ -6,11 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/aperture.h"
 #include "fit/points_csv.h"
 #include "fit/points_session.h"
 #include "fit/reflectance.h"
 #include "fit/solve.h"
 #include "proto/file.h"
+#include "proto/number.h"
 
 #define FILE_MAX (256u << 20)
 
@@ -23,12 +25,15 @@ static const char help[] =
     "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
     "  --paper-convention  refit of the paper's printed form: kappa = pi, q = 1; S_paper = pi S is given "
     "too\n"
+    "  --source-width DEG, --sensor-width DEG\n"
+    "                      full angular widths in the plane of incidence; default: a session's own, else 0\n"
     "  --json              one object on stdout (an array with several models or files)\n"
     "exit status: 0 done, 1 a fit was refused or failed, 2 bad usage or bad input\n";
 
 struct options {
     const char *model; /* NULL: all */
     bool unweighted, paper, json;
+    double source_width_deg, sensor_width_deg; /* NAN: as the file says */
 };
 
 static int take_model(const char *name, struct options *o, struct err *e) {
@@ -48,11 +53,21 @@ static int take_weights(const char *name, struct options *o, struct err *e) {
                : err_set(e, ERR_USAGE, "--weights is measured or none, not '%s'", name);
 }
 
+static int take_width(const char *text, double *width_deg, struct err *e) {
+    bool good =
+        number_read_double(text, width_deg) && *width_deg >= 0 && *width_deg <= APERTURE_WIDTH_MAX_DEG;
+    return !good ? err_set(e, ERR_USAGE, "an angular width is 0 to %g deg, not '%s'", APERTURE_WIDTH_MAX_DEG,
+                           text)
+                 : 0;
+}
+
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
     static const struct option known[] = {{"model", required_argument, NULL, 'm'},
                                           {"weights", required_argument, NULL, 'w'},
                                           {"paper-convention", no_argument, NULL, 'p'},
+                                          {"source-width", required_argument, NULL, 's'},
+                                          {"sensor-width", required_argument, NULL, 'v'},
                                           {"json", no_argument, NULL, 'j'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
@@ -68,6 +83,12 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             break;
         case 'p':
             o->paper = true;
+            break;
+        case 's':
+            status = take_width(optarg, &o->source_width_deg, e);
+            break;
+        case 'v':
+            status = take_width(optarg, &o->sensor_width_deg, e);
             break;
         case 'j':
             o->json = true;
@@ -171,12 +192,19 @@ static int by_bic(const void *a, const void *b) {
     return (x->bic > y->bic) - (x->bic < y->bic);
 }
 
+/* What the command line says goes before what a session says. */
+static void take_given(struct estimate_input *in, const struct options *o) {
+    in->source_width_deg = isnan(o->source_width_deg) ? in->source_width_deg : o->source_width_deg;
+    in->sensor_width_deg = isnan(o->sensor_width_deg) ? in->sensor_width_deg : o->sensor_width_deg;
+}
+
 static int fit_models(const char *path, const struct options *o, struct result *results, int *n,
                       struct err_list *errors) {
     struct fitset data;
     fitset_init(&data);
     int status = read_points(path, &data, errors), first = *n;
     data.input.unweighted = o->unweighted;
+    take_given(&data.input, o);
     if (o->paper) {
         data.input.kappa = M_PI;
         data.input.q_is_one = true;
@@ -229,7 +257,7 @@ static int print_results(const struct result *results, int n, const struct optio
 }
 
 int command_fit(int argc, char **argv) {
-    struct options options = {.model = "composite"};
+    struct options options = {.model = "composite", .source_width_deg = NAN, .sensor_width_deg = NAN};
     struct err e = {0};
     struct err_list errors = {0};
     int n = 0, status = read_options(argc, argv, &options, &e);

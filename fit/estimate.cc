@@ -51,6 +51,9 @@ void Estimation::describe_input() {
     out_->q = 1;
     out_->mean_low_nm = in_->mean_low_nm;
     out_->mean_high_nm = in_->mean_high_nm;
+    out_->source_width_deg = in_->source_width_deg;
+    out_->sensor_width_deg = in_->sensor_width_deg;
+    out_->beam_in_view = in_->filling == ESTIMATE_BEAM_IN_VIEW;
     if (in_->n > 0) {
         auto i = std::minmax_element(in_->theta_i_deg, in_->theta_i_deg + in_->n);
         auto v = std::minmax_element(in_->theta_v_deg, in_->theta_v_deg + in_->n);
@@ -164,10 +167,13 @@ int estimate_axis_slopes(const struct estimate *estimate, size_t n, const double
                          const double *theta_v_deg, const bool *mirrored, double *source, double *sample,
                          struct err *e) {
     enum reflectance_model model;
+    const struct aperture_form form = {estimate->source_width_deg, estimate->sensor_width_deg,
+                                       estimate->beam_in_view};
     int status = reflectance_find(estimate->model, &model, e);
     for (size_t i = 0; i < n && !status; i++) {
-        status = problem_axis_slopes(model, estimate->value, estimate->kappa * estimate->q, theta_i_deg[i],
-                                     theta_v_deg[i], mirrored && mirrored[i], &source[i], &sample[i], e);
+        status =
+            problem_axis_slopes(&form, model, estimate->value, estimate->kappa * estimate->q, theta_i_deg[i],
+                                theta_v_deg[i], mirrored && mirrored[i], &source[i], &sample[i], e);
     }
     return status;
 }

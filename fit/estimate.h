@@ -79,8 +79,9 @@ struct estimate_input {
     bool unweighted;                                 /* the paper's Eq. 6 */
     bool any_provisional;
     int mean_low_nm, mean_high_nm;
-    const char *model;            /* lambert | oren-nayar | eq1 | composite */
-    struct estimate_trace *trace; /* filled where not NULL */
+    const char *model;                         /* lambert | oren-nayar | eq1 | composite */
+    struct estimate_trace *trace;              /* filled where not NULL */
+    double source_width_deg, sensor_width_deg; /* angular, full (fit/aperture.h) */
 };
 
 int estimate_fit(const struct estimate_input *input, struct estimate *estimate, struct err *e);

@@ -102,7 +102,6 @@ static void set_weight(struct problem *p, size_t i, double u2) {
 
 static int allocate(struct problem *p, struct err *e) {
     size_t n = p->n + 1; /* never of size 0 */
-    p->geometry = calloc(n, sizeof *p->geometry);
     p->u = calloc(n, sizeof(double));
     p->root_weight = calloc(n, sizeof(double));
     p->angle_u2 = calloc(n, sizeof(double));
@@ -112,11 +111,17 @@ static int allocate(struct problem *p, struct err *e) {
     p->spot_sample = calloc(n, sizeof(double));
     p->model_beta = calloc(n, sizeof(double));
     p->gradient = calloc(n * (size_t)p->k, sizeof(double));
-    if (!p->geometry || !p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample ||
-        !p->spot_source || !p->spot_sample || !p->model_beta || !p->gradient) {
+    if (!p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample || !p->spot_source ||
+        !p->spot_sample || !p->model_beta || !p->gradient) {
         return err_set(e, ERR_NOMEM, "no memory for a fit of %zu points", p->n);
     }
     return 0;
+}
+
+static struct aperture_form form_of(const struct estimate_input *in) {
+    return (struct aperture_form){.source_width_deg = in->source_width_deg,
+                                  .sensor_width_deg = in->sensor_width_deg,
+                                  .beam_in_view = in->filling == ESTIMATE_BEAM_IN_VIEW};
 }
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
@@ -126,9 +131,11 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
         return status;
     }
     p->k = reflectance_parameters(p->model);
+    const struct aperture_form form = form_of(input);
     status = allocate(p, e);
+    status =
+        status ? status : aperture_init(&p->aperture, &form, p->n, input->theta_i_deg, input->theta_v_deg, e);
     for (size_t i = 0; i < p->n && !status; i++) {
-        status = reflectance_geometry(&p->geometry[i], input->theta_i_deg[i], input->theta_v_deg[i], e);
         double u = input->u_ind ? fmax(input->u_ind[i], floor_of(input->beta[i])) : 1;
         set_weight(p, i, u * u);
     }
@@ -139,7 +146,7 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
 }
 
 void problem_free(struct problem *p) {
-    free(p->geometry);
+    aperture_free(&p->aperture);
     free(p->u);
     free(p->root_weight);
     free(p->angle_u2);
@@ -153,8 +160,8 @@ void problem_free(struct problem *p) {
 }
 
 int problem_evaluate(struct problem *p, const double *value, struct err *e) {
-    return reflectance_eval(p->model, p->n, p->geometry, value, p->kappa, p->q, p->model_beta, p->gradient,
-                            e);
+    return aperture_eval(&p->aperture, 0, p->n, p->model, value, p->kappa, p->q, p->model_beta, p->gradient,
+                         e);
 }
 
 double problem_chi2(const struct problem *p) {
@@ -168,41 +175,37 @@ double problem_chi2(const struct problem *p) {
 
 /* Slope over a step that stays inside the domain: across a kink of G it is the mean of both sides, which is
  * what a small random displacement sees. */
-static int slope_along(enum reflectance_model model, const double *value, double kappa_q, double theta_i_deg,
-                       double theta_v_deg, double di, double dv, double *slope, struct err *e) {
+static int slope_along(const struct aperture_form *form, enum reflectance_model model, const double *value,
+                       double kappa_q, double theta_i_deg, double theta_v_deg, double di, double dv,
+                       double *slope, struct err *e) {
     const double step_deg = 1e-4; /* smaller than any lobe, larger than rounding: error about 1e-8 relative */
-    double beta[2];
-    struct reflectance_geometry g[2];
-    double span = 0;
+    double beta[2], span = 0;
     for (int side = 0; side < 2; side++) {
         double h = side ? step_deg : -step_deg;
         double i_deg = theta_i_deg + h * di, v_deg = theta_v_deg + h * dv;
-        if (i_deg < 0) { /* past the normal the geometry goes on mirrored */
-            i_deg = -i_deg;
-            v_deg = -v_deg;
-        }
         if (i_deg >= 90 || fabs(v_deg) >= 90) {
             i_deg = theta_i_deg;
             v_deg = theta_v_deg;
             h = 0;
         }
-        int status = reflectance_geometry(&g[side], i_deg, v_deg, e);
+        int status = aperture_at(form, i_deg, v_deg, model, value, kappa_q, 1, &beta[side], NULL, e);
         if (status) {
             return status;
         }
         span += fabs(h);
     }
-    int status = reflectance_eval(model, 2, g, value, kappa_q, 1, beta, NULL, e);
-    *slope = status || span == 0 ? 0 : (beta[1] - beta[0]) / span;
-    return status;
+    *slope = span == 0 ? 0 : (beta[1] - beta[0]) / span;
+    return 0;
 }
 
-int problem_axis_slopes(enum reflectance_model model, const double *value, double kappa_q, double theta_i_deg,
-                        double theta_v_deg, bool mirrored, double *source, double *sample, struct err *e) {
+int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model model, const double *value,
+                        double kappa_q, double theta_i_deg, double theta_v_deg, bool mirrored, double *source,
+                        double *sample, struct err *e) {
     double sign = mirrored ? -1 : 1;
-    int status = slope_along(model, value, kappa_q, theta_i_deg, theta_v_deg, sign, 0, source, e);
-    return status ? status
-                  : slope_along(model, value, kappa_q, theta_i_deg, theta_v_deg, -sign, sign, sample, e);
+    int status = slope_along(form, model, value, kappa_q, theta_i_deg, theta_v_deg, sign, 0, source, e);
+    return status
+               ? status
+               : slope_along(form, model, value, kappa_q, theta_i_deg, theta_v_deg, -sign, sign, sample, e);
 }
 
 /* How u_ind^2 runs with beta over the set, a + c beta^2 by least squares of relative deviations: it carries
@@ -252,9 +255,9 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
         noise_law(p, &a, &c);
     }
     for (size_t i = 0; i < p->n; i++) {
-        int status =
-            problem_axis_slopes(p->model, value, p->kappa * p->q, in->theta_i_deg[i], in->theta_v_deg[i],
-                                in->mirrored && in->mirrored[i], &p->slope_source[i], &p->slope_sample[i], e);
+        int status = problem_axis_slopes(
+            &p->aperture.form, p->model, value, p->kappa * p->q, in->theta_i_deg[i], in->theta_v_deg[i],
+            in->mirrored && in->mirrored[i], &p->slope_source[i], &p->slope_sample[i], e);
         if (status) {
             return status;
         }

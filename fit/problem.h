@@ -10,6 +10,7 @@
 #ifndef FIT_PROBLEM_H
 #define FIT_PROBLEM_H
 
+#include "fit/aperture.h"
 #include "fit/coordinates.h"
 #include "fit/estimate.h"
 
@@ -22,13 +23,13 @@ struct problem {
     int k;
     size_t n;
     const struct estimate_input *input;
-    struct reflectance_geometry *geometry; /* [n] */
-    double *u, *root_weight;               /* [n]; root_weight 1 where unweighted */
-    double *angle_u2;                      /* [n] variance of the mean by axis repeatability; 0 at first */
-    double *slope_source, *slope_sample;   /* [n] d beta / d axis per degree; 0 at first */
-    double *spot_source, *spot_sample;     /* [n] what a zero moves through K (fit/spot.h); 0 at first */
-    double *model_beta;                    /* [n] of the last evaluation */
-    double *gradient;                      /* [n * k] with respect to the parameters, of the same */
+    struct aperture aperture;            /* the geometry of the points */
+    double *u, *root_weight;             /* [n]; root_weight 1 where unweighted */
+    double *angle_u2;                    /* [n] variance of the mean by axis repeatability; 0 at first */
+    double *slope_source, *slope_sample; /* [n] d beta / d axis per degree; 0 at first */
+    double *spot_source, *spot_sample;   /* [n] what a zero moves through K (fit/spot.h); 0 at first */
+    double *model_beta;                  /* [n] of the last evaluation */
+    double *gradient;                    /* [n * k] with respect to the parameters, of the same */
     double kappa, q;
 };
 
@@ -40,8 +41,9 @@ int problem_evaluate(struct problem *p, const double *value, struct err *e);
 int problem_reweigh(struct problem *p, const double *value, struct err *e);
 double problem_chi2(const struct problem *p); /* of the last evaluation, with the weights of the fit */
 
-int problem_axis_slopes(enum reflectance_model model, const double *value, double kappa_q, double theta_i_deg,
-                        double theta_v_deg, bool mirrored, double *source, double *sample, struct err *e);
+int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model model, const double *value,
+                        double kappa_q, double theta_i_deg, double theta_v_deg, bool mirrored, double *source,
+                        double *sample, struct err *e);
 
 #ifdef __cplusplus
 }

@@ -227,7 +227,9 @@ int request_read_settings(const json_t *json, struct fitset *data, struct err *e
                    {"u_repeat_source_deg", &in->u_repeat_source_deg},
                    {"u_repeat_sample_deg", &in->u_repeat_sample_deg},
                    {"u_zero_source_deg", &in->u_zero_source_deg},
-                   {"u_zero_sample_deg", &in->u_zero_sample_deg}};
+                   {"u_zero_sample_deg", &in->u_zero_sample_deg},
+                   {"source_width_deg", &in->source_width_deg},
+                   {"sensor_width_deg", &in->sensor_width_deg}};
     if (!json_is_object(json)) {
         return err_set(e, ERR_INPUT, "a request must be a JSON object");
     }

@@ -19,6 +19,7 @@
  *     q_is_one, unweighted  false
  *     filling, reference    view-in-beam | beam-in-view; fixed | per_incidence | every_geometry | start_end (fixed):
  *                           how axis errors act through K (fit/spot.h); without filling they do not
+ *     source_width_deg, sensor_width_deg   0: angular, full (fit/aperture.h)
  *     u_repeat_source_deg, u_repeat_sample_deg, u_zero_source_deg, u_zero_sample_deg   0
  *     final                 false; true adds axis_slopes to the reply
  * Reply      {"id", "estimate": as estimate_to_json of proto/material.h, "axis_slopes": {"source": [n],

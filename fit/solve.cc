@@ -25,8 +25,8 @@ class Residuals : public ceres::CostFunction {
             point[j] = *x[j];
         }
         coordinates_to_value(p_->model, point, value);
-        if (reflectance_eval(p_->model, p_->n, p_->geometry, value, p_->kappa, p_->q, beta_.data(),
-                             jacobians ? gradient_.data() : nullptr, nullptr)) {
+        if (aperture_eval(&p_->aperture, 0, p_->n, p_->model, value, p_->kappa, p_->q, beta_.data(),
+                          jacobians ? gradient_.data() : nullptr, nullptr)) {
             return false;
         }
         for (size_t i = 0; i < p_->n; i++) {

@@ -59,7 +59,7 @@ static void try_candidate(const struct problem *p, struct candidate *c) {
     unit[MATERIAL_S] = unit[MATERIAL_BETA_PRIME] = 1;
     for (size_t i = 0; i < p->n; i++) {
         struct reflectance_parts parts = {0};
-        reflectance_eval_parts(p->model, &p->geometry[i], unit, p->kappa, 0, &parts, NULL);
+        aperture_parts(&p->aperture, i, p->model, unit, p->kappa, 0, &parts, NULL);
         double w = p->root_weight[i];
         add_row(&m, w * parts.diffuse, w * parts.specular, w * p->input->beta[i]);
     }

@@ -31,6 +31,8 @@ static const struct {
     {"r2", offsetof(struct estimate, r2)},
     {"median_relative_error", offsetof(struct estimate, median_relative_error)},
     {"specular_energy", offsetof(struct estimate, specular_energy)},
+    {"source_width_deg", offsetof(struct estimate, source_width_deg)},
+    {"sensor_width_deg", offsetof(struct estimate, sensor_width_deg)},
 };
 #define FIGURES (sizeof figures / sizeof *figures)
 
@@ -209,6 +211,7 @@ json_t *estimate_to_json(const struct estimate *m) {
     if (m->refusal[0])
         json_object_set_new(json, "refusal", json_string(m->refusal));
     json_object_set_new(json, "provisional", json_boolean(m->provisional));
+    json_object_set_new(json, "beam_in_view", json_boolean(m->beam_in_view));
     json_object_set_new(json, "parameters", parameters_to_json(m));
     put_uncertainty(json, m);
     for (size_t i = 0; i < FIGURES; i++)
@@ -408,6 +411,7 @@ static int take_state(const json_t *json, struct estimate *m, struct err *e) {
         take_int(json, "n_parameters", &m->n_parameters, e) != 0 ||
         take_bool(json, "converged", &m->converged, e) != 0 ||
         take_bool(json, "provisional", &m->provisional, e) != 0 ||
+        take_bool(json, "beam_in_view", &m->beam_in_view, e) != 0 ||
         take_text(json, "refusal", m->refusal, sizeof m->refusal, e) != 0)
         return -ERR_INPUT;
     for (size_t i = 0; i < FIGURES; i++)

@@ -61,6 +61,8 @@ struct estimate {
     int band_first, band_last; /* bands actually measured */
     double s_lambda[BANDS], u_s_lambda[BANDS];
     double theta_i_low_deg, theta_i_high_deg, theta_v_low_deg, theta_v_high_deg; /* range measured */
+    double source_width_deg, sensor_width_deg; /* what the points were seen through */
+    bool beam_in_view;
     int n_warnings;
     char warning[MATERIAL_WARNINGS][160];
 };

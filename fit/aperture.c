@@ -1,0 +1,197 @@
+#include "fit/aperture.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "proto/units.h"
+
+#define AXIS_MAX 5
+#define NODES_MAX (AXIS_MAX * AXIS_MAX)
+#define BATCH 256 /* geometries evaluated at once; their gradients fit into the first cache */
+
+/* Abramowitz and Stegun, table 25.4: the non-negative abscissae of each rule, and their weights. */
+static const struct rule {
+    int n;
+    double x[AXIS_MAX], w[AXIS_MAX];
+} rules[] = {
+    {1, {0}, {2}},
+    {3,
+     {-0.7745966692414834, 0, 0.7745966692414834},
+     {0.5555555555555556, 0.8888888888888889, 0.5555555555555556}},
+    {4,
+     {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526},
+     {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538}},
+    {5,
+     {-0.9061798459386640, -0.5384693101056831, 0, 0.5384693101056831, 0.9061798459386640},
+     {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665, 0.2369268850561891}},
+};
+
+static const struct rule *rule_of(double width_deg) {
+    return &rules[width_deg == 0 ? 0 : width_deg <= 1 ? 1 : width_deg <= 2 ? 2 : 3];
+}
+
+struct axis { /* the directions of one width that reach the surface */
+    const struct rule *rule;
+    double at_deg[AXIS_MAX];
+};
+
+static void spread(struct axis *axis, double centre_deg, double width_deg) {
+    double low_deg = fmax(centre_deg - width_deg / 2, -90), high_deg = fmin(centre_deg + width_deg / 2, 90);
+    axis->rule = rule_of(width_deg);
+    for (int k = 0; k < axis->rule->n; k++) {
+        axis->at_deg[k] = width_deg == 0
+                              ? centre_deg
+                              : (low_deg + high_deg) / 2 + (high_deg - low_deg) / 2 * axis->rule->x[k];
+    }
+}
+
+/* Fills nodes of one geometry and their weights, which sum up to 1. */
+static int place(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
+                 struct reflectance_geometry *geometry, double *weight, struct err *e) {
+    struct axis i, v;
+    int at = 0, status = reflectance_geometry(geometry, fabs(theta_i_deg), theta_v_deg, e);
+    double sum = 0;
+    spread(&i, theta_i_deg, form->source_width_deg);
+    spread(&v, theta_v_deg, form->sensor_width_deg);
+    for (int a = 0; a < i.rule->n && !status; a++) {
+        for (int b = 0; b < v.rule->n && !status; b++, at++) {
+            double side = i.at_deg[a] < 0 ? -1 : 1;
+            status = reflectance_geometry(&geometry[at], side * i.at_deg[a], side * v.at_deg[b], e);
+            weight[at] = i.rule->w[a] * v.rule->w[b] *
+                         cos(rad_from_deg(form->beam_in_view ? v.at_deg[b] : i.at_deg[a]));
+            sum += weight[at];
+        }
+    }
+    for (int k = 0; k < at; k++) {
+        weight[k] /= sum;
+    }
+    return status;
+}
+
+static int nodes_of(const struct aperture_form *form) {
+    return rule_of(form->source_width_deg)->n * rule_of(form->sensor_width_deg)->n;
+}
+
+static int check_width(double width_deg, struct err *e) {
+    if (!(width_deg >= 0 && width_deg <= APERTURE_WIDTH_MAX_DEG)) {
+        return err_set(e, ERR_RANGE, "an angular width of %g deg is not possible; give 0 to %g deg",
+                       width_deg, APERTURE_WIDTH_MAX_DEG);
+    }
+    return 0;
+}
+
+int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n, const double *theta_i_deg,
+                  const double *theta_v_deg, struct err *e) {
+    *a = (struct aperture){.form = *form, .n = n};
+    int status = check_width(form->source_width_deg, e);
+    if (status || (status = check_width(form->sensor_width_deg, e))) {
+        return status;
+    }
+    a->nodes = nodes_of(form);
+    size_t cells = (n + 1) * (size_t)a->nodes; /* never of size 0 */
+    a->geometry = calloc(cells, sizeof *a->geometry);
+    a->weight = a->nodes > 1 ? calloc(cells, sizeof *a->weight) : NULL;
+    if (!a->geometry || (a->nodes > 1 && !a->weight)) {
+        aperture_free(a);
+        return err_set(e, ERR_NOMEM, "no memory for the geometry of %zu points", n);
+    }
+    for (size_t i = 0; i < n && !status; i++) {
+        size_t at = i * (size_t)a->nodes;
+        status = a->weight ? place(form, theta_i_deg[i], theta_v_deg[i], &a->geometry[at], &a->weight[at], e)
+                           : reflectance_geometry(&a->geometry[at], theta_i_deg[i], theta_v_deg[i], e);
+    }
+    if (status) {
+        aperture_free(a);
+    }
+    return status;
+}
+
+void aperture_free(struct aperture *a) {
+    free(a->geometry);
+    free(a->weight);
+    *a = (struct aperture){0};
+}
+
+struct view { /* the nodes of some points, and the columns of a gradient row */
+    const struct reflectance_geometry *geometry;
+    const double *weight;
+    size_t nodes;
+    int k;
+};
+
+static void average(const struct view *view, size_t n, const double *node_beta, const double *node_gradient,
+                    double *beta, double *gradient) {
+    const size_t k = (size_t)view->k;
+    for (size_t i = 0; i < n; i++) {
+        double sum = 0, row[MATERIAL_PARAMETERS] = {0};
+        for (size_t m = i * view->nodes; m < (i + 1) * view->nodes; m++) {
+            sum += view->weight[m] * node_beta[m];
+            for (size_t j = 0; node_gradient && j < k; j++) {
+                row[j] += view->weight[m] * node_gradient[m * k + j];
+            }
+        }
+        beta[i] = sum;
+        if (gradient) {
+            memcpy(&gradient[i * k], row, k * sizeof *row);
+        }
+    }
+}
+
+static int eval_view(const struct view *view, size_t n, enum reflectance_model model, const double *value,
+                     double kappa, double q, double *beta, double *gradient, struct err *e) {
+    double node_beta[BATCH], node_gradient[BATCH * MATERIAL_PARAMETERS];
+    const size_t at_once = BATCH / view->nodes;
+    for (size_t first = 0; first < n; first += at_once) {
+        size_t count = n - first < at_once ? n - first : at_once, node = first * view->nodes;
+        int status = reflectance_eval(model, count * view->nodes, view->geometry + node, value, kappa, q,
+                                      node_beta, gradient ? node_gradient : NULL, e);
+        if (status) {
+            return status;
+        }
+        struct view batch = *view;
+        batch.weight += node;
+        average(&batch, count, node_beta, gradient ? node_gradient : NULL, beta + first,
+                gradient ? gradient + first * (size_t)view->k : NULL);
+    }
+    return 0;
+}
+
+int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
+                  const double *value, double kappa, double q, double *beta, double *gradient,
+                  struct err *e) {
+    size_t at = first * (size_t)a->nodes;
+    if (!a->weight) {
+        return reflectance_eval(model, n, a->geometry + at, value, kappa, q, beta, gradient, e);
+    }
+    struct view view = {a->geometry + at, a->weight + at, (size_t)a->nodes, reflectance_parameters(model)};
+    return eval_view(&view, n, model, value, kappa, q, beta, gradient, e);
+}
+
+int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
+                enum reflectance_model model, const double *value, double kappa, double q, double *beta,
+                double *gradient, struct err *e) {
+    struct reflectance_geometry geometry[NODES_MAX];
+    double weight[NODES_MAX];
+    int status = place(form, theta_i_deg, theta_v_deg, geometry, weight, e);
+    struct view view = {geometry, weight, (size_t)nodes_of(form), reflectance_parameters(model)};
+    return status ? status : eval_view(&view, 1, model, value, kappa, q, beta, gradient, e);
+}
+
+int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,
+                   double kappa, double q, struct reflectance_parts *parts, struct err *e) {
+    size_t at = point * (size_t)a->nodes;
+    if (!a->weight) {
+        return reflectance_eval_parts(model, &a->geometry[at], value, kappa, q, parts, e);
+    }
+    struct reflectance_parts sum = {0}, one;
+    int status = 0;
+    for (size_t m = at; m < at + (size_t)a->nodes && !status; m++) {
+        status = reflectance_eval_parts(model, &a->geometry[m], value, kappa, q, &one, e);
+        sum.diffuse += a->weight[m] * one.diffuse;
+        sum.interreflection += a->weight[m] * one.interreflection;
+        sum.specular += a->weight[m] * one.specular;
+    }
+    *parts = sum;
+    return status;
+}
