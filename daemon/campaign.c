@@ -175,7 +175,8 @@ static int prepare(struct campaign *c, struct err *e) {
 
 static int allocate_run(struct campaign *c, struct err *e) {
     int n = c->plan->n_steps;
-    c->n_frames = c->job->exposure.average;
+    c->n_frames =
+        c->job->exposure.average > CAMPAIGN_OVERLAP_SCANS ? c->job->exposure.average : CAMPAIGN_OVERLAP_SCANS;
     c->done = calloc(n, sizeof *c->done);
     c->attempt = calloc(n, sizeof *c->attempt);
     c->dark_attempt = calloc(n, sizeof *c->dark_attempt);

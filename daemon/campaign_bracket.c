@@ -57,7 +57,7 @@ static uint32_t samples_of_reading(const struct campaign *c, int k) {
     uint32_t mask = 0;
     if (s->kind == STEP_SAMPLE)
         return 1u << s->sample;
-    if (s->kind == STEP_TRAP)
+    if (s->kind == STEP_TRAP || s->kind == STEP_OVERLAP)
         return all_samples(c);
     for (int j = k; j < c->plan->n_steps; j++)
         if (c->plan->step[j].reference == k && is_sample_of(c, j, s->bracket))
@@ -85,9 +85,10 @@ static int read_at(struct campaign *c, int k, const struct set *head, struct err
     int result = campaign_hold_for_step(c, k, e);
     if (result == 0)
         result = campaign_move(c, &c->plan->step[k], e);
-    if (result == 0)
-        result = campaign_expose(c, k, head, e);
-    return result;
+    if (result < 0)
+        return result;
+    return c->plan->step[k].kind == STEP_OVERLAP ? campaign_expose_overlap(c, k, head, e)
+                                                 : campaign_expose(c, k, head, e);
 }
 
 /* Reads the control geometry of step k: closes the bracket at hand and/or opens one for `opens` of the plan. */
@@ -157,10 +158,11 @@ int campaign_read_step(struct campaign *c, int k, struct err *e) {
     struct set head = {.samples = samples_of_reading(c, k)};
     if (!head.samples)
         return 0;
-    int result = s->kind == STEP_TRAP ? 0 : ensure_bracket(c, s, e);
+    bool outside = s->kind == STEP_TRAP || s->kind == STEP_OVERLAP; /* of all brackets */
+    int result = outside ? 0 : ensure_bracket(c, s, e);
     if (result < 0)
         return result;
-    head.x.bracket = s->kind == STEP_TRAP ? 0 : c->bracket;
+    head.x.bracket = outside ? 0 : c->bracket;
     return read_at(c, k, &head, e);
 }
 

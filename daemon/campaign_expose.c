@@ -14,6 +14,7 @@
 #define PROBE_SEEN 0.02  /* a peak above this share of saturation is known well enough to extrapolate */
 #define UNDEREXPOSED 8   /* a set this many times below the target is taken again longer */
 #define GROWTH_MAX 4     /* towards a mirror peak the signal rises from view to view */
+#define OVERLAP_RATIO 4  /* noise of the short reading against distance between the two: best at 3 to 4 */
 #define SATURATED_STEP 4 /* shorter by this, when all that is known is that it was too long */
 
 /* ---- the ladder ---- */
@@ -31,9 +32,9 @@ static int rung(const struct campaign *c, double wanted_us) {
     return spectrometer_round_exposure((int)us);
 }
 
-static struct light *light_of(struct campaign *c, const struct step *s) {
-    int surface = s->kind == STEP_SAMPLE ? s->sample : SURFACE_REFERENCE + !s->control;
-    return &c->light[surface];
+struct light *campaign_light_of(struct campaign *c, const struct step *s) {
+    bool own = s->kind == STEP_REFERENCE && !s->control;
+    return &c->light[s->kind == STEP_SAMPLE ? s->sample : SURFACE_REFERENCE + own];
 }
 
 /* The time in use is kept while it is near enough: a change costs a frame and perhaps a dark. */
@@ -147,8 +148,10 @@ static void fill_times(struct campaign *c, struct exposure *x, const struct stag
 
 static int fill_set(struct campaign *c, int k, const struct set *head, const struct stage_reading *at, int n,
                     struct err *e) {
-    static const enum exposure_kind kind[] = {
-        [STEP_REFERENCE] = EXPOSURE_REFERENCE, [STEP_SAMPLE] = EXPOSURE_SAMPLE, [STEP_TRAP] = EXPOSURE_TRAP};
+    static const enum exposure_kind kind[] = {[STEP_REFERENCE] = EXPOSURE_REFERENCE,
+                                              [STEP_SAMPLE] = EXPOSURE_SAMPLE,
+                                              [STEP_TRAP] = EXPOSURE_TRAP,
+                                              [STEP_OVERLAP] = EXPOSURE_OVERLAP};
     const struct step *s = &c->plan->step[k];
     uint16_t *counts = c->set.counts;
     size_t capacity = c->set.capacity;
@@ -182,13 +185,13 @@ static int fill_set(struct campaign *c, int k, const struct set *head, const str
 
 /* ---- darks ---- */
 
-static struct dark *dark_of(struct campaign *c, int exposure_us) {
+static struct dark *dark_of(struct campaign *c, int exposure_us, int n_scans) {
     for (int i = 0; i < c->n_darks; i++)
-        if (c->dark[i].exposure_us == exposure_us)
+        if (c->dark[i].exposure_us == exposure_us && c->dark[i].n_scans == n_scans)
             return &c->dark[i];
     /* The oldest place serves again when all are taken: that exposure time is then measured anew. */
     struct dark *d = &c->dark[c->n_darks < CAMPAIGN_DARKS ? c->n_darks++ : c->last_bracket % CAMPAIGN_DARKS];
-    *d = (struct dark){.exposure_us = exposure_us};
+    *d = (struct dark){.exposure_us = exposure_us, .n_scans = n_scans};
     for (int i = 0; i < JOB_SAMPLES; i++)
         d->taken_us[i] = INT64_MIN;
     return d;
@@ -206,15 +209,14 @@ static uint32_t without_dark(const struct campaign *c, const struct dark *d, uin
 static int take_dark(struct campaign *c, int k, struct dark *d, uint32_t samples, struct err *e) {
     struct set head = {.dark = true, .samples = samples};
     struct stage_reading at;
-    int n = c->job->exposure.average;
     int result = campaign_set_lamp(c, false, e);
     stage_read(&c->instruments.stage, &at);
     if (result == 0)
         result = campaign_store_room(c, e);
     if (result == 0)
-        result = scan(c, d->exposure_us, n, clock_now_us(c->clock), e);
+        result = scan(c, d->exposure_us, d->n_scans, clock_now_us(c->clock), e);
     if (result == 0)
-        result = fill_set(c, k, &head, &at, n, e);
+        result = fill_set(c, k, &head, &at, d->n_scans, e);
     if (result < 0)
         return result;
     for (int i = 0; i < JOB_SAMPLES; i++)
@@ -251,8 +253,8 @@ static int owe_dark(struct campaign *c, int k, struct dark *d, uint32_t samples,
     return campaign_owed_darks(c, k, e);
 }
 
-static int ensure_dark(struct campaign *c, int k, int exposure_us, uint32_t samples, struct err *e) {
-    struct dark *d = dark_of(c, exposure_us);
+static int ensure_dark(struct campaign *c, int k, int exposure_us, int n, uint32_t samples, struct err *e) {
+    struct dark *d = dark_of(c, exposure_us, n);
     uint32_t missing = without_dark(c, d, samples);
     if (c->setup.config->shutter == SHUTTER_NONE || !missing)
         return 0;
@@ -275,8 +277,8 @@ static int check_still(const struct campaign *c, const struct stage_reading *bef
 /* Takes and stores one set at this exposure time. */
 static int take_set(struct campaign *c, int k, const struct set *head, int exposure_us, struct err *e) {
     struct stage_reading at;
-    int n = c->job->exposure.average;
-    int result = ensure_dark(c, k, exposure_us, head->samples, e);
+    int n = head->n_scans ? head->n_scans : c->job->exposure.average;
+    int result = ensure_dark(c, k, exposure_us, n, head->samples, e);
     if (result == 0)
         result = campaign_set_lamp(c, true, e);
     stage_read(&c->instruments.stage, &at);
@@ -309,7 +311,7 @@ static int next_exposure(struct campaign *c, struct light *l, int exposure_us) {
 }
 
 int campaign_expose(struct campaign *c, int k, const struct set *head, struct err *e) {
-    struct light *l = light_of(c, &c->plan->step[k]);
+    struct light *l = campaign_light_of(c, &c->plan->step[k]);
     struct stage_reading at;
     int result = campaign_ready_spectrometer(c, e);
     stage_read(&c->instruments.stage, &at);
@@ -340,5 +342,26 @@ int campaign_expose(struct campaign *c, int k, const struct set *head, struct er
         weak_before = weak;
         exposure_us = next;
     }
+    return result;
+}
+
+int campaign_expose_overlap(struct campaign *c, int k, const struct set *head, struct err *e) {
+    struct set many = *head;
+    many.n_scans = c->n_frames;
+    int result = campaign_expose(c, k, &many, e);
+    if (result < 0)
+        return result;
+    int long_us = c->last_exposure_us, short_us = rung(c, long_us / (double)OVERLAP_RATIO);
+    if (short_us * PLAN_OVERLAP_SPAN > long_us) {
+        campaign_warn(
+            c,
+            "the linearity of the light path was not tested: the diffuser fills the scale in %g ms, and "
+            "exposure.min_ms is %g",
+            long_us / 1e3, c->job->exposure.min_ms);
+        return 0;
+    }
+    result = take_set(c, k, &many, short_us, e);
+    if (result == 0)
+        campaign_store_set(c);
     return result;
 }

@@ -114,7 +114,8 @@ static int place_of(const struct campaign *c, int surface) {
 }
 
 static bool shows_a_surface(const struct step *s) {
-    return s->kind == STEP_SAMPLE || s->kind == STEP_REFERENCE || (s->kind == STEP_HOLD && s->mounts);
+    return s->kind == STEP_SAMPLE || s->kind == STEP_REFERENCE || s->kind == STEP_OVERLAP ||
+           (s->kind == STEP_HOLD && s->mounts);
 }
 
 static int surface_of(const struct step *s) {
@@ -193,7 +194,7 @@ static int confirm_turned(struct campaign *c, const struct step *s, struct err *
 static const char *position_of(const struct campaign *c, const struct step *s) {
     if (s->kind == STEP_SAMPLE)
         return c->job->sample[s->sample].holder;
-    return s->kind == STEP_REFERENCE ? c->job->reference.holder : "trap";
+    return s->kind == STEP_TRAP ? "trap" : c->job->reference.holder;
 }
 
 /* The person has done what the holds asked for: a simulated bench does it now. */

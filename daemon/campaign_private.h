@@ -23,8 +23,10 @@
 #include "proto/units.h"
 
 #define CAMPAIGN_QUEUE 32
-#define CAMPAIGN_ENDED 16   /* jobs whose end is remembered */
-#define CAMPAIGN_DARKS 64   /* more than the ladder of exposures has rungs */
+#define CAMPAIGN_ENDED 16 /* jobs whose end is remembered */
+#define CAMPAIGN_DARKS 64 /* more than the ladder of exposures has rungs */
+#define CAMPAIGN_OVERLAP_SCANS                                                                               \
+    16 /* at least: the noise of the electric dark alone would hide a bend of 0.1 % in four */
 #define CAMPAIGN_REPEATS 3  /* of a step that failed for a passing reason, before the campaign holds */
 #define CAMPAIGN_RETRY_S 10 /* a hold on a condition tries again this often */
 #define MOUNTED_REFERENCE (-1)
@@ -65,8 +67,9 @@ struct light { /* what auto-exposure knows of a surface: peak as a share of satu
     double rate, growth;
 };
 
-struct dark { /* when each sample's session last got a dark of this exposure time; INT64_MIN = never */
-    int exposure_us;
+struct
+    dark { /* when each sample's session last got a dark of this exposure time and scan count; INT64_MIN = never */
+    int exposure_us, n_scans;
     int64_t taken_us[JOB_SAMPLES];
     uint32_t owed; /* samples whose readings wait for it: the shutter is worked by hand */
     int64_t owed_us;
@@ -74,6 +77,7 @@ struct dark { /* when each sample's session last got a dark of this exposure tim
 
 struct set { /* one set of scans between the spectrometer and the sessions */
     bool full, dark;
+    int n_scans; /* 0: as many as the job says */
     struct exposure x;
     uint32_t samples;               /* whose sessions get it, one bit each */
     uint32_t closes_for, opens_for; /* control readings: for whose sessions it closes and opens a bracket */
@@ -195,6 +199,9 @@ int campaign_end_bracket(struct campaign *c, const char *why, struct err *e);
 /* campaign_expose.c */
 /* A set of scans of step k where the stage stands; shorter again while it saturates. */
 int campaign_expose(struct campaign *c, int k, const struct set *head, struct err *e);
+/* A set as above, and one that is several times shorter. */
+int campaign_expose_overlap(struct campaign *c, int k, const struct set *head, struct err *e);
+struct light *campaign_light_of(struct campaign *c, const struct step *s);
 /* Takes the darks that readings wait for, where the shutter is worked by hand. */
 int campaign_owed_darks(struct campaign *c, int k, struct err *e);
 int campaign_set_lamp(struct campaign *c, bool on, struct err *e);

@@ -84,6 +84,37 @@ static int plan_from_texts(struct campaign *c, struct session *s, struct campaig
     return result;
 }
 
+/* What tells a step from another; its estimate may differ, where a profile knows its drive better today. */
+static bool same_step(const json_t *then, const json_t *now) {
+    static const char *const keys[] = {"kind",    "sample", "theta_i_deg", "theta_v_deg", "mirrored",
+                                       "bracket", "opens",  "control",     "repeat",      "reference"};
+    for (size_t i = 0; i < sizeof keys / sizeof keys[0]; i++)
+        if (!json_equal(json_object_get(then, keys[i]), json_object_get(now, keys[i])) &&
+            (json_object_get(then, keys[i]) || json_object_get(now, keys[i])))
+            return false;
+    return true;
+}
+
+/* The rows name steps by their number. */
+static int check_same_steps(struct session *s, const struct campaign_job *job, struct err *e) {
+    char *text = NULL;
+    int result = session_get_text(s, "plan", &text, e);
+    json_t *now = plan_to_json(&job->plan, &job->job), *then = text ? json_loads(text, 0, NULL) : NULL;
+    const json_t *a = json_object_get(then, "steps"), *b = json_object_get(now, "steps");
+    bool same = json_array_size(a) == json_array_size(b);
+    for (size_t i = 0; same && i < json_array_size(a); i++)
+        same = same_step(json_array_get(a, i), json_array_get(b, i));
+    json_decref(now);
+    json_decref(then);
+    free(text);
+    if (result == 0 && !same)
+        result = err_set(
+            e, ERR_STATE,
+            "the session was planned in other steps than this goniod plans today (another version, or "
+            "another profile of a drive): run the job anew");
+    return result;
+}
+
 int campaign_resume_plan(struct campaign *c, const char *name, struct campaign_job *job, struct err *e) {
     struct session *s;
     int result = open_session(c, name, &s, e);
@@ -94,6 +125,8 @@ int campaign_resume_plan(struct campaign *c, const char *name, struct campaign_j
         result = check_text(s, "config", c->setup.config_text, "the config of the bench", e);
     if (result == 0)
         result = plan_from_texts(c, s, job, e);
+    if (result == 0)
+        result = check_same_steps(s, job, e);
     session_close(s, NULL);
     return result;
 }
@@ -110,8 +143,7 @@ struct replay {
 };
 
 static void note_light(struct campaign *c, const struct exposure *x) {
-    const struct step *s = &c->plan->step[x->step];
-    struct light *l = &c->light[s->kind == STEP_SAMPLE ? s->sample : SURFACE_REFERENCE + !s->control];
+    struct light *l = campaign_light_of(c, &c->plan->step[x->step]);
     const struct calibration *k = spectrometer_calibration(c->instruments.spectrometer);
     double peak = 1e-6;
     for (int i = 0; i < x->n_scans; i++)
@@ -174,6 +206,13 @@ static int replayed_bracket(void *arg, const struct bracket *b, struct err *e) {
     return 0;
 }
 
+static int replayed_linearity(void *arg, struct linearity *l, struct err *e) {
+    struct replay *r = arg;
+    (void)e;
+    campaign_mark_done(r->c, l->step);
+    return 0;
+}
+
 static int check_same_spectrometer(struct campaign *c, struct session *s, struct err *e) {
     struct calibration then;
     const struct calibration *now = spectrometer_calibration(c->instruments.spectrometer);
@@ -197,7 +236,8 @@ static int replay(struct campaign *c, struct session *s, struct replay *r, struc
         result = session_each_exposure(s, seen_exposure, r, e);
     if (result == 0)
         result = session_each_event(s, seen_event, r, e);
-    struct reduce_sink sink = {.arg = r, .point = replayed_point, .bracket = replayed_bracket};
+    struct reduce_sink sink = {
+        .arg = r, .point = replayed_point, .bracket = replayed_bracket, .linearity = replayed_linearity};
     if (result == 0)
         result = reduce_replay(s, r->m->reducer, &sink, e);
     if (result < 0)

@@ -32,9 +32,31 @@ static int sink_bracket(void *arg, const struct bracket *b, struct err *e) {
     return 0;
 }
 
+/* The reading is shared: each session gets the row, a person the warning once. */
+static bool is_first(const struct campaign *c, const struct measured *m) {
+    const struct measured *first = c->measured;
+    while (!first->used)
+        first++;
+    return m == first;
+}
+
+static int sink_linearity(void *arg, struct linearity *l, struct err *e) {
+    struct measured *m = arg;
+    (void)e;
+    writer_linearity(m->campaign->writer, m->file, l);
+    if (l->beyond && is_first(m->campaign, m))
+        campaign_warn(
+            m->campaign,
+            "the light path is not linear as far as stated: the diffuser is %.5f times as bright in %g ms "
+            "as in %g ms (u %.5f); %.1g of full scale goes into the uncertainty instead of %.1g",
+            l->ratio, l->long_us / 1e3, l->short_us / 1e3, l->u_ratio, l->used_rel, l->prior_rel);
+    return 0;
+}
+
 struct reduce_sink campaign_store_sink(struct measured *m, struct campaign *c) {
     m->campaign = c;
-    return (struct reduce_sink){.arg = m, .point = sink_point, .bracket = sink_bracket};
+    return (struct reduce_sink){
+        .arg = m, .point = sink_point, .bracket = sink_bracket, .linearity = sink_linearity};
 }
 
 static int store_in(struct campaign *c, int sample, struct err *e) {

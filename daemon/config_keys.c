@@ -128,7 +128,9 @@ static const struct yaml_key spectrometer_keys[] = {
      .default_text = "5e-4",
      .doc =
          "relative u of the linearised counts at full scale. The default is an assumption: no maker states "
-         "what its polynomial leaves"},
+         "what its polynomial leaves. Each campaign tests it on the diffuser at two exposure times; what it "
+         "sees "
+         "beyond takes its place, with a warning"},
     {0}};
 
 static const struct yaml_key lamp_keys[] = {{.name = "warm_up_min",

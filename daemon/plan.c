@@ -99,6 +99,12 @@ static void say_left_out(struct planner *p) {
                  "together, once in dark_every_min and at the end");
     if (config->shutter == SHUTTER_NONE)
         left_out(p->plan, "darks: there is no shutter, only the electric dark of each scan is taken off");
+    if (!plan_spans(p))
+        left_out(
+            p->plan,
+            "linearity: exposures differ by less than a factor of %d, spectrometer.linearity_u_rel stands "
+            "untested",
+            PLAN_OVERLAP_SPAN);
     if (reference->size_mm == 0)
         left_out(p->plan, "footprint on the diffuser: not checked, reference.size_mm is not stated");
     if (reference->angular_u_rel > 0)
@@ -211,7 +217,8 @@ void plan_free(struct plan *plan) {
 const char *step_kind_name(enum step_kind kind) {
     static const char *const names[] = {
         [STEP_WARM_UP] = "warm-up", [STEP_HOLD] = "hold", [STEP_REFERENCE] = "reference",
-        [STEP_SAMPLE] = "sample",   [STEP_TRAP] = "trap", [STEP_PARK] = "park",
+        [STEP_SAMPLE] = "sample",   [STEP_TRAP] = "trap", [STEP_OVERLAP] = "overlap",
+        [STEP_PARK] = "park",
     };
     return names[kind];
 }

@@ -33,6 +33,8 @@ struct profile;
 struct json_t;
 
 #define PLAN_VIA 4
+/* Exposures that never differ by more need no test of linearity: levels and times then cancel to second order. */
+#define PLAN_OVERLAP_SPAN 4
 
 enum step_kind {
     STEP_WARM_UP,   /* lamp on, wait */
@@ -40,6 +42,7 @@ enum step_kind {
     STEP_REFERENCE, /* reading of the diffuser */
     STEP_SAMPLE,    /* reading of a sample */
     STEP_TRAP,      /* stray light */
+    STEP_OVERLAP,   /* the diffuser at two exposure times: is the light path linear? (session_linearity.h) */
     STEP_PARK       /* lamp off; the axes stay where they are */
 };
 

@@ -32,7 +32,8 @@ static json_t *step_json(const struct step *step, int index, const struct job *j
     json_t *json = json_object();
     json_object_set_new(json, "step", json_integer(index));
     json_object_set_new(json, "kind", json_string(step_kind_name(step->kind)));
-    if (step->kind == STEP_REFERENCE || step->kind == STEP_SAMPLE || step->kind == STEP_TRAP)
+    if (step->kind == STEP_REFERENCE || step->kind == STEP_SAMPLE || step->kind == STEP_TRAP ||
+        step->kind == STEP_OVERLAP)
         add_reading(json, step, job);
     json_object_set_new(json, "target", target_json(&step->target));
     if (step->n_via > 0) {

@@ -69,6 +69,7 @@ int64_t plan_move_time_us(const struct planner *p, const struct plan_pose *from,
 int64_t plan_set_time_us(const struct planner *p, double exposure_us);
 int64_t plan_reading_time_us(const struct planner *p); /* a set at the middle exposure */
 int64_t plan_hold_time_us(void);
+bool plan_spans(const struct planner *p); /* the job's exposures differ enough for a test of linearity */
 void plan_travel_table(struct planner *p);
 void plan_costs(struct planner *p); /* totals: time with interval, exposures, bytes */
 

@@ -67,6 +67,13 @@ static void print_summary(const struct plan *plan, const struct job *job, FILE *
                 plan->n_holds == 1 ? "" : "s");
 }
 
+static void print_overlap(const struct plan *plan, FILE *out) {
+    for (int i = 0; i < plan->n_steps; i++)
+        if (plan->step[i].kind == STEP_OVERLAP)
+            fprintf(out, "Linearity: the diffuser at %g:%g, read at two exposure times.\n",
+                    deg_from_udeg(plan->step[i].theta_i_udeg), deg_from_udeg(plan->step[i].theta_v_udeg));
+}
+
 static void print_holds(const struct plan *plan, FILE *out) {
     int64_t at_us = 0;
     char when[32];
@@ -111,6 +118,7 @@ static void print_brackets(const struct plan *plan, FILE *out) {
 
 void plan_print(const struct plan *plan, const struct job *job, FILE *out) {
     print_summary(plan, job, out);
+    print_overlap(plan, out);
     if (plan->n_mounted > 0)
         fprintf(out, "Mount before the start:\n");
     for (int i = 0; i < plan->n_mounted; i++)

@@ -175,6 +175,8 @@ static int measure_all(struct plan_walk *w, const struct set *sets, int n_sets, 
     if (!plan_control(w->p, point[0].theta_i_udeg, &control, why))
         return -ERR_INPUT;
     plan_walk_start(w, &control);
+    if (plan_spans(w->p))
+        plan_walk_overlap(w, &control);
     if (one_bracket)
         plan_walk_open(w, &control);
     int rc = 0;

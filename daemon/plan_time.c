@@ -55,6 +55,13 @@ int64_t plan_set_time_us(const struct planner *p, double exposure_us) {
     return llround((frames + model->idle_cycles) * exposure_us + (double)frames * model->readout_us);
 }
 
+bool plan_spans(const struct planner *p) {
+    const struct spectrometer_model *model = p->devices->spectrometer;
+    double least = clamp(p->job->exposure.min_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+    double most = clamp(p->job->exposure.max_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+    return most >= PLAN_OVERLAP_SPAN * least;
+}
+
 int64_t plan_reading_time_us(const struct planner *p) {
     double low, middle, high;
     exposure_times_us(p, &low, &middle, &high);
@@ -94,6 +101,7 @@ void plan_costs(struct planner *p) {
         const struct step *step = &plan->step[i];
         plan->estimate_us += step->estimate_us;
         readings += step->kind == STEP_SAMPLE || step->kind == STEP_REFERENCE;
+        readings += step->kind == STEP_OVERLAP ? 2 : 0;
         plan->n_points += step->kind == STEP_SAMPLE;
         plan->n_holds += step->kind == STEP_HOLD;
     }

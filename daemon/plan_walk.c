@@ -178,6 +178,16 @@ int plan_walk_reference(struct plan_walk *w, const struct plan_point *point, boo
     return index;
 }
 
+void plan_walk_overlap(struct plan_walk *w, const struct plan_point *control) {
+    int index = read_surface(w, STEP_OVERLAP, PLAN_REFERENCE, control);
+    int64_t second_us = 2 * plan_reading_time_us(w->p);
+    if (w->rc < 0)
+        return;
+    w->n_darks++;
+    w->now_us += second_us;
+    w->p->plan->step[index].estimate_us += second_us;
+}
+
 void plan_walk_sample(struct plan_walk *w, int sample, const struct plan_point *point, bool repeat) {
     if (!(point->samples & 1u << sample))
         return;

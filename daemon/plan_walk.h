@@ -34,6 +34,8 @@ bool plan_walk_by_hand(const struct plan_walk *w, int sample);
 /* Time a motorised holder needs from one surface to another. */
 int64_t plan_walk_swap_us(const struct planner *p, int from, int to);
 void plan_walk_start(struct plan_walk *w, const struct plan_point *control); /* first holds, warm-up */
+/* Two readings of the diffuser there, with a dark of the second's exposure time. */
+void plan_walk_overlap(struct plan_walk *w, const struct plan_point *control);
 void plan_walk_open(struct plan_walk *w, const struct plan_point *control);
 void plan_walk_close(struct plan_walk *w, const struct plan_point *control);
 int plan_walk_reference(struct plan_walk *w, const struct plan_point *point, bool control, bool repeat);

@@ -16,8 +16,10 @@ struct reducer {
     struct chain waiting;   /* for a dark */
     struct chain sample;    /* of the open bracket */
     struct chain reference; /* of the open bracket: readings of single geometries */
-    struct reading *open;   /* control reading that opened it, NULL = none open */
-    int number, highest;    /* of the open bracket; of all so far */
+    struct reading *slow;   /* overlap reading whose short one is still to come, NULL = none */
+    double linearity_prior;
+    struct reading *open; /* control reading that opened it, NULL = none open */
+    int number, highest;  /* of the open bracket; of all so far */
     int64_t last_exposure_id;
 };
 
@@ -67,6 +69,7 @@ int reducer_new(struct reducer **out, const struct reduce_setup *setup, struct e
     if (!r)
         return err_set(e, ERR_NOMEM, "out of memory for the reduction");
     r->setup = *setup;
+    r->linearity_prior = setup->linearity_rel;
     chain_init(&r->waiting);
     chain_init(&r->sample);
     chain_init(&r->reference);
@@ -91,6 +94,7 @@ void reducer_free(struct reducer *r) {
         return;
     drop_bracket(r);
     chain_free(&r->waiting);
+    free(r->slow);
     while (r->dark) {
         struct dark *d = r->dark;
         r->dark = d->next;
@@ -289,7 +293,33 @@ static int take_sample(struct reducer *r, struct reading *x, const struct reduce
     return emit_point(r, x, &(struct bridge){r->open, NULL}, sink, e);
 }
 
+static int emit_linearity(struct reducer *r, const struct reading *fast, const struct reduce_sink *sink,
+                          struct err *e) {
+    struct linearity l;
+    double rate[BANDS], mean_rate;
+    drift_rates(&r->drift, r->setup.drift_rate_prior, rate, &mean_rate);
+    if (!linearity_make(&l, r->slow, fast, r->bands.covered, r->linearity_prior, mean_rate))
+        return 0;
+    r->setup.linearity_rel = l.used_rel;
+    return sink->linearity ? sink->linearity(sink->arg, &l, e) : 0;
+}
+
+/* A step that is taken again begins with its long reading. */
+static int take_overlap(struct reducer *r, struct reading *x, const struct reduce_sink *sink, struct err *e) {
+    int rc = 0;
+    if (r->slow && r->slow->step == x->step && x->exposure_us < r->slow->exposure_us) {
+        rc = emit_linearity(r, x, sink, e);
+        free(x);
+        x = NULL;
+    }
+    free(r->slow);
+    r->slow = x;
+    return rc;
+}
+
 static int take_reading(struct reducer *r, struct reading *x, const struct reduce_sink *sink, struct err *e) {
+    if (x->kind == EXPOSURE_OVERLAP)
+        return take_overlap(r, x, sink, e);
     if (x->control)
         return take_control(r, x, sink, e);
     if (!r->open || x->bracket != r->number) {
@@ -330,7 +360,7 @@ int reducer_add(struct reducer *r, const struct exposure *x, const struct reduce
 
 static void report_again(const struct chain *c, void (*again)(void *arg, int step), void *arg) {
     for (const struct reading *x = c->first; again && x; x = x->next)
-        if (x->kind == EXPOSURE_SAMPLE)
+        if (x->kind == EXPOSURE_SAMPLE || x->kind == EXPOSURE_OVERLAP)
             again(arg, x->step);
 }
 

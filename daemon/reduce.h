@@ -20,13 +20,16 @@
  *            what is uncertain in that stays with the bracket as its rate.
  * Angles     readbacks: theta_v = sample, theta_i = source - sample, both negated where theta_i < 0 (mirrored). The
  *            certificate is asked at the nominal geometry of the reference reading.
+ * Linearity  two overlap readings of one step, a long one and then a shorter one, give a row by linearity_make; from
+ *            there on its used_rel stands for linearity_rel.
  * Order      a reading waits for the first dark of its exposure time and scan count when none came before. Control
  *            readings name the bracket they close and the one they open; a bracket number is used once. Saturated
  *            sets and readings of the trap make no point. Of a step's sets in a bracket the last makes the final
  *            point.
  * Errors     -ERR_INPUT exposure and calibration do not fit; -ERR_STATE a bracket or reference is missing;
  *            -ERR_RANGE the certificate does not cover the reference geometry; whatever the sink returns.
- * Checked    tests/unit/test_reduce.c and test_reduce_order.c by hand, tests/unit/test_reduce_bench.c against light and electrons
+ * Checked    tests/unit/test_reduce.c, test_reduce_order.c and test_reduce_linearity.c by hand,
+ *            tests/unit/test_reduce_bench.c against light and electrons
  */
 #ifndef DAEMON_REDUCE_H
 #define DAEMON_REDUCE_H
@@ -37,6 +40,8 @@
 #include "proto/calibration.h"
 #include "proto/certificate.h"
 #include "proto/session.h"
+
+struct linearity; /* proto/session_linearity.h */
 
 /* Below it a reference band says less than its neighbours' spread over a paint's edge. */
 #define REDUCE_SNR_MIN 10.0
@@ -68,11 +73,11 @@ struct reduce_sink {
     void *arg;
     int (*point)(void *arg, struct point *p, struct err *e); /* sets p->id */
     int (*bracket)(void *arg, const struct bracket *b, struct err *e);
+    int (*linearity)(void *arg, struct linearity *l, struct err *e); /* may be NULL */
 };
 int reducer_add(struct reducer *r, const struct exposure *x, const struct reduce_sink *sink, struct err *e);
 /* An unplanned hold, a long pause, a lamp change or a resume: the open bracket ends here. The steps of the
- * sample readings since its last reference, which must be measured again, are reported through `again` (may be
- * NULL). */
+ * readings that are lost with it, and must be measured again, are reported through `again` (may be NULL). */
 int reducer_end_bracket(struct reducer *r, const char *why, const struct reduce_sink *sink,
                         void (*again)(void *arg, int step), void *arg, struct err *e);
 /* Number, opening time and present rates of the open bracket, for the drift of provisional points. False: none

@@ -5,6 +5,7 @@
 #define DAEMON_REDUCE_INTERNAL_H
 
 #include "daemon/reduce.h"
+#include "proto/session_linearity.h"
 
 /* Noise of 81 bands: neighbours share pixels (cov_next), and all share the electric dark, each by its amount. */
 struct band_noise {
@@ -74,6 +75,10 @@ struct drift {                   /* what successive control readings told of the
 
 void drift_add(struct drift *d, const struct bridge *b, const struct reduce_setup *setup);
 void drift_rates(const struct drift *d, double prior, double rate[BANDS], double *mean_rate);
+
+/* False: one of the two shows no light, and nothing is said. */
+bool linearity_make(struct linearity *l, const struct reading *slow, const struct reading *fast,
+                    const bool *covered, double prior_rel, double drift_rate);
 
 int mean_first_band(const struct reduce_setup *setup);
 int mean_last_band(const struct reduce_setup *setup);

@@ -133,7 +133,7 @@ static int derive(struct deriving *g, struct session *s, struct err *e) {
     struct reduce_setup setup;
     struct certificate certificate = {0};
     struct reducer *r = NULL;
-    struct reduce_sink sink = {g, take_point, take_bracket};
+    struct reduce_sink sink = {.arg = g, .point = take_point, .bracket = take_bracket};
     int rc = session_each_exposure(s, note_geometry, g, e);
     if (rc == 0)
         rc = reduce_setup_from_session(s, &setup, &certificate, e);

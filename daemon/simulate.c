@@ -82,6 +82,7 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     sim_config_default(&s);
     s.seed = options->seed;
     s.quiet = options->quiet;
+    s.bend = options->bend;
     if (options->no_drift)
         s.lamp_drift_rate = 0;
     snprintf(s.spectrometer, sizeof s.spectrometer, "%s", config->spectrometer.model);

@@ -5,8 +5,10 @@
 
 #include "daemon/reduce.h"
 #include "daemon/verb_session.h"
+#include "proto/session_linearity.h"
 
-static const char *const TABLES[] = {"bracket", "point", "point_band", "point_common"};
+static const char *const TABLES[] = {"bracket", "linearity", "point", "point_band", "point_common"};
+#define FIRST_OF_POINT 2
 #define N_TABLES (sizeof TABLES / sizeof TABLES[0])
 
 struct table { /* the lines of one table, as the dump prints them */
@@ -17,7 +19,7 @@ struct table { /* the lines of one table, as the dump prints them */
 
 struct derived {
     struct table table[N_TABLES];
-    int64_t points, brackets;
+    int64_t points, brackets, linearities;
 };
 
 static int open_tables(struct table *t, struct err *e) {
@@ -45,7 +47,7 @@ static int derive_point(void *arg, struct point *p, struct err *e) {
     struct derived *d = arg;
     (void)e;
     p->id = ++d->points;
-    for (size_t i = 1; i < N_TABLES; i++)
+    for (size_t i = FIRST_OF_POINT; i < N_TABLES; i++)
         session_print_point(d->table[i].out, TABLES[i], p);
     return 0;
 }
@@ -57,11 +59,19 @@ static int derive_bracket(void *arg, const struct bracket *b, struct err *e) {
     return 0;
 }
 
+static int derive_linearity(void *arg, struct linearity *l, struct err *e) {
+    struct derived *d = arg;
+    (void)e;
+    l->id = ++d->linearities;
+    session_print_linearity(d->table[1].out, l);
+    return 0;
+}
+
 static int derive(struct session *s, struct derived *d, struct err *e) {
     struct reduce_setup setup;
     struct certificate certificate = {0};
     struct reducer *r = NULL;
-    struct reduce_sink sink = {d, derive_point, derive_bracket};
+    struct reduce_sink sink = {d, derive_point, derive_bracket, derive_linearity};
     int rc = open_tables(d->table, e);
     if (rc == 0)
         rc = reduce_setup_from_session(s, &setup, &certificate, e);

@@ -4,6 +4,7 @@
 
 #include "daemon/session_text.h"
 #include "daemon/verb_session.h"
+#include "proto/session_linearity.h"
 
 struct shown {
     struct session *s;
@@ -14,6 +15,8 @@ struct shown {
     bool has_estimate;
     struct estimate estimate;
     int64_t saturated;
+    bool has_linearity;
+    struct linearity linearity; /* the last */
 };
 
 static int count_saturated(void *arg, const struct exposure *x) {
@@ -21,10 +24,19 @@ static int count_saturated(void *arg, const struct exposure *x) {
     return 0;
 }
 
+static int take_linearity(void *arg, const struct linearity *l) {
+    struct shown *w = arg;
+    w->linearity = *l;
+    w->has_linearity = true;
+    return 0;
+}
+
 static int load(struct shown *w, struct err *e) {
     int rc = session_get_summary(w->s, &w->summary, e);
     if (rc == 0)
         rc = session_each_exposure(w->s, count_saturated, w, e);
+    if (rc == 0)
+        rc = session_each_linearity(w->s, take_linearity, w, e);
     if (rc == 0)
         rc = session_text_state(w->s, w->state, sizeof w->state, e);
     if (rc == 0)
@@ -64,6 +76,13 @@ static void print_counts(const struct shown *w) {
            (long long)(m->n_points - m->n_final), (long long)m->n_brackets);
 }
 
+static void print_linearity(const struct linearity *l) {
+    printf("  linearity  the diffuser in %g ms over %g ms: ratio %.5f, u %.5f, pull %.1f%s\n",
+           l->long_us / 1e3, l->short_us / 1e3, l->ratio, l->u_ratio, l->pull,
+           l->beyond ? "; NOT LINEAR as far as stated" : "");
+    printf("             u of the counts at full scale: %.2g (stated %.2g)\n", l->used_rel, l->prior_rel);
+}
+
 static void print_parameter(const struct estimate *m, int k) {
     const char *name = material_parameter_name(m->model, k);
     if (!name)
@@ -98,6 +117,8 @@ static int show_text(struct shown *w) {
     if (w->sample)
         print_sample(w);
     print_counts(w);
+    if (w->has_linearity)
+        print_linearity(&w->linearity);
     if (w->has_estimate)
         print_estimate(&w->estimate);
     return 0;
@@ -120,6 +141,13 @@ static int add_point(void *arg, const struct point *p) {
     return json_array_append_new(arg, one) == 0 ? 0 : -ERR_NOMEM;
 }
 
+static json_t *linearity_json(const struct linearity *l) {
+    return json_pack("{s:f, s:f, s:f, s:b, s:i, s:i, s:f, s:f, s:f, s:f}", "ratio", l->ratio, "u_ratio",
+                     l->u_ratio, "pull", l->pull, "beyond", l->beyond, "long_us", l->long_us, "short_us",
+                     l->short_us, "error_rel", l->error_rel, "u_error_rel", l->u_error_rel, "prior_rel",
+                     l->prior_rel, "used_rel", l->used_rel);
+}
+
 static int show_json(struct shown *w, struct err *e) {
     const struct session_summary *m = &w->summary;
     char begun[40];
@@ -137,6 +165,8 @@ static int show_json(struct shown *w, struct err *e) {
     json_object_set_new(all, "elapsed_s", json_real((double)(m->last_us - m->first_us) / 1e6));
     if (w->sample)
         json_object_set(all, "sample", w->sample);
+    if (w->has_linearity)
+        json_object_set_new(all, "linearity", linearity_json(&w->linearity));
     json_object_set_new(all, "points", points);
     if (w->has_estimate)
         json_object_set_new(all, "estimate", estimate_to_json(&w->estimate));

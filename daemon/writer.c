@@ -23,6 +23,7 @@ enum record_kind {
     RECORD_EXPOSURE,
     RECORD_POINT,
     RECORD_BRACKET,
+    RECORD_LINEARITY,
     RECORD_ESTIMATE,
     RECORD_SLOPES,
     RECORD_EVENT,
@@ -118,6 +119,8 @@ static int write_row(struct session *s, struct record *r, struct err *e) {
         return result < 0 ? result : check_id(((struct point *)r->object)->id, r->id, e);
     case RECORD_BRACKET:
         return session_add_bracket(s, r->object, e);
+    case RECORD_LINEARITY:
+        return session_add_linearity(s, r->object, e);
     case RECORD_ESTIMATE:
         return session_add_estimate(s, r->us, r->id, r->object, e);
     case RECORD_SLOPES:
@@ -427,6 +430,10 @@ void writer_point(struct writer *w, int file, const struct point *p) {
 
 void writer_bracket(struct writer *w, int file, const struct bracket *b) {
     push(w, record_new(w, RECORD_BRACKET, file, b, sizeof *b, 0));
+}
+
+void writer_linearity(struct writer *w, int file, const struct linearity *l) {
+    push(w, record_new(w, RECORD_LINEARITY, file, l, sizeof *l, 0));
 }
 
 void writer_estimate(struct writer *w, int file, int64_t now_us, int64_t last_point_id,

@@ -24,6 +24,7 @@
 
 #include "drivers/bench.h"
 #include "proto/session.h"
+#include "proto/session_linearity.h"
 
 #define WRITER_FILES 16
 #define WRITER_BYTES_MAX (8u << 20) /* waiting records; beyond it writer_has_room is false */
@@ -43,6 +44,7 @@ void writer_text(struct writer *writer, int file, const char *key, const char *t
 void writer_calibration(struct writer *writer, int file, const struct calibration *c);
 void writer_exposure(struct writer *writer, int file, const struct exposure *x);
 void writer_point(struct writer *writer, int file, const struct point *p);
+void writer_linearity(struct writer *writer, int file, const struct linearity *l);
 void writer_bracket(struct writer *writer, int file, const struct bracket *b);
 void writer_estimate(struct writer *writer, int file, int64_t now_us, int64_t last_point_id,
                      const struct estimate *m);

@@ -287,10 +287,14 @@ int session_open(struct session **out, const char *path, bool read_only, struct 
         rc = check_readable(s, e);
     if (rc == 0 && !read_only)
         rc = begin_writing(s, e);
+    if (rc == 0 && !read_only && s->user_version < SESSION_USER_VERSION)
+        rc = session_make_schema(s->store, e);
     if (rc < 0) {
         free_session(s, locked);
         return rc;
     }
+    if (!read_only)
+        s->user_version = SESSION_USER_VERSION;
     *out = s;
     return 0;
 }

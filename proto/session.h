@@ -28,10 +28,17 @@
 #include "proto/material.h"
 
 #define SESSION_APPLICATION_ID 0x474f4e49 /* "GONI" */
-#define SESSION_USER_VERSION 1
+#define SESSION_USER_VERSION 2
 #define POINT_COMMON_MAX 12
 
-enum exposure_kind { EXPOSURE_SAMPLE, EXPOSURE_REFERENCE, EXPOSURE_DARK, EXPOSURE_TRAP, EXPOSURE_KINDS };
+enum exposure_kind {
+    EXPOSURE_SAMPLE,
+    EXPOSURE_REFERENCE,
+    EXPOSURE_DARK,
+    EXPOSURE_TRAP,
+    EXPOSURE_OVERLAP, /* the diffuser at one of two exposure times (session_linearity.h) */
+    EXPOSURE_KINDS
+};
 
 struct exposure { /* one set of scans in one state of the bench */
     int64_t id;   /* given by session_add_exposure, counts from 1 */

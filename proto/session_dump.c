@@ -81,6 +81,8 @@ static void print_row(FILE *out, const char *table, struct query *q) {
 
 int session_dump_table(struct session *s, const char *table, void *file, struct err *e) {
     char sql[96];
+    if (!session_has_table(s, table))
+        return 0;
     /* Every table's first two columns hold its key. */
     snprintf(sql, sizeof sql, "SELECT * FROM %s ORDER BY 1, 2", table);
     struct query *q;

@@ -31,6 +31,7 @@ struct session {
 extern const char *const SESSION_KINDS[EXPOSURE_KINDS];
 extern const char *const SESSION_TABLES[]; /* in the order of the dump; ends with NULL */
 int session_make_schema(struct store *store, struct err *e);
+bool session_has_table(struct session *s, const char *table); /* a file of an older goniod may lack it */
 /* Every add is all or nothing: inside the caller's transaction, or in one of its own. */
 int session_enter(struct session *s, bool *own, struct err *e);
 int session_leave(struct session *s, bool own, int rc, struct err *e);

@@ -48,6 +48,16 @@ int session_get_text(struct session *s, const char *key, char **text, struct err
     return rc < 0 ? rc : 0;
 }
 
+bool session_has_table(struct session *s, const char *table) {
+    struct query *q;
+    if (store_query(s->store, "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?", &q, NULL) < 0)
+        return false;
+    query_bind_text(q, 0, table);
+    bool there = query_step(q, NULL) == 1;
+    query_reset(q);
+    return there;
+}
+
 struct text_walk {
     int (*seen)(void *arg, const char *key, const char *value);
     void *arg;

@@ -63,9 +63,10 @@ static double polynomial(const double *c, int n, double x) {
     return y;
 }
 
-static void init_curve(struct detector *d) {
+void detector_bend(struct detector *d, double rel) {
     for (int i = 0; i <= DETECTOR_CURVE; i++) {
         double linear = CURVE_SPAN * i / DETECTOR_CURVE, s = linear;
+        linear *= 1 + rel * linear / FULL_SCALE;
         for (int pass = 0; pass < 200; pass++) /* a contraction: its slope is L P'(S) < 0.3 */
             s = linear * polynomial(d->model->nonlinearity, 8, fmin(s, FULL_SCALE));
         d->curve[i] = s;
@@ -89,7 +90,7 @@ void detector_init(struct detector *d, const struct detector_model *model, uint6
         d->pattern[p] = spread * PATTERN_COUNTS * pattern[p];
         d->dark_rate[p] = DARK_COUNTS_PER_S * 1e-6 * (1 + 0.2 * spread * fmax(-4, dark[p]));
     }
-    init_curve(d);
+    detector_bend(d, 0);
 }
 
 /* S' and its slope at a linear signal. */

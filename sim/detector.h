@@ -43,6 +43,8 @@ struct detector {
 
 const struct detector_model *detector_model(const char *name); /* NULL if unknown */
 void detector_init(struct detector *d, const struct detector_model *model, uint64_t key, bool quiet);
+/* The counts read (1 + rel L / 65535) too much, and the polynomial of the EEPROM does not know. */
+void detector_bend(struct detector *d, double rel);
 /* rate: light in counts per us, [pixels]. at_us: age of the instrument, for the offset. */
 void detector_expose(const struct detector *d, const double *rate, uint32_t exposure_us, int64_t at_us,
                      uint64_t key, uint16_t *counts);

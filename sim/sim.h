@@ -63,6 +63,7 @@ struct sim_config {
     double lamp_drift_rate; /* relative variance per second */
     double lamp_warm_up_min;
     double stray_light; /* of the spectrometer: share of the mean signal on every pixel */
+    double bend;        /* of the detector: relative error at full scale that its EEPROM does not know */
     double halo;        /* of the bench: light past the surface, share of a white one at normal incidence */
     double certificate_u_rel; /* common factor of the diffuser against its certificate */
     bool shutter_by_hand;     /* the lamp line is not wired: sim_bench_shutter lets the light through */

@@ -73,6 +73,7 @@ int truth_init(struct truth *t, const struct sim_config *c, const struct detecto
     lamp_init(&t->lamp, draw_fold(c->seed, draw_word("lamp")), c->quiet ? 0 : c->lamp_drift_rate,
               c->quiet ? 0 : c->lamp_warm_up_min);
     detector_init(&t->detector, model, draw_fold(c->seed, draw_word("detector")), c->quiet);
+    detector_bend(&t->detector, c->bend);
     init_axes(t, c);
     init_mounts(t, c);
     init_white(t);

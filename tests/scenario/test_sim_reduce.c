@@ -125,7 +125,7 @@ static void rig_free(struct rig *r) {
 }
 
 static void take(struct rig *r, struct exposure *x, double theta_i_deg, double theta_v_deg) {
-    struct reduce_sink sink = {r, see_point, see_bracket};
+    struct reduce_sink sink = {.arg = r, .point = see_point, .bracket = see_bracket};
     struct err e = {0};
     bool dark = x->kind == EXPOSURE_DARK;
     sim_bench_hold(r->bench, x->kind == EXPOSURE_REFERENCE ? "reference" : "sample", &e);

@@ -49,7 +49,7 @@ void start(struct fixture *f, const char *certificate) {
                                                      .saturation = 65535,
                                                      .electrons_per_count = 1,
                                                      .read_noise_counts = 0}};
-    f->sink = (struct reduce_sink){&f->seen, see_point, see_bracket};
+    f->sink = (struct reduce_sink){.arg = &f->seen, .point = see_point, .bracket = see_bracket};
 }
 
 void begin(struct fixture *f) {

@@ -122,7 +122,7 @@ void recorded_session_make(const char *path) {
                                     .stray_light_rel = 5e-4,
                                     .linearity_rel = 1e-3,
                                     .drift_rate_prior = 1e-9};
-    w.sink = (struct reduce_sink){&w, store_point, store_bracket};
+    w.sink = (struct reduce_sink){.arg = &w, .point = store_point, .bracket = store_bracket};
     ROW_OK(reducer_new(&w.r, &w.setup, e));
     ROW_OK(session_create(&w.s, path, e));
     write_texts(&w, certificate);

@@ -137,7 +137,8 @@ static double beta_in_beam(const struct synthetic *s, enum exposure_kind kind, d
                            double lambda_nm) {
     if (kind == EXPOSURE_SAMPLE)
         return synthetic_sample_beta(s, i_deg, v_deg, lambda_nm);
-    return kind == EXPOSURE_REFERENCE ? synthetic_reference_beta(s, i_deg, v_deg, lambda_nm) : 0;
+    bool diffuser = kind == EXPOSURE_REFERENCE || kind == EXPOSURE_OVERLAP;
+    return diffuser ? synthetic_reference_beta(s, i_deg, v_deg, lambda_nm) : 0;
 }
 
 /* Light and thermal dark with its pattern, bent together; shot noise is the light's, reading noise comes after. */

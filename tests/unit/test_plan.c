@@ -51,8 +51,12 @@ static void a_grid_on_the_built_in_bench(void **state) {
     make(NULL, NULL, GRID, FIXED);
     const struct plan *plan = &bench.plan;
     assert_int_equal(plan->step[0].kind, STEP_WARM_UP);
-    assert_int_equal(plan->step[1].kind, STEP_REFERENCE);
-    assert_true(plan->step[1].control && plan->step[1].opens == 1 && plan->step[1].bracket == 1);
+    assert_int_equal(plan->step[1].kind, STEP_OVERLAP);
+    assert_int_equal(plan->step[1].bracket, 0);
+    assert_int_equal(count(STEP_OVERLAP), 1);
+    assert_int_equal(plan->step[2].kind, STEP_REFERENCE);
+    assert_true(plan->step[2].control && plan->step[2].opens == 1 && plan->step[2].bracket == 1);
+    assert_int_equal(plan->step[1].theta_i_udeg, plan->step[2].theta_i_udeg);
     assert_int_equal(plan->step[plan->n_steps - 1].kind, STEP_PARK);
     assert_true(plan->step[plan->n_steps - 2].control && plan->step[plan->n_steps - 2].opens == 0);
     /* |theta_i + theta_v| < 8 deg is blind: three views of each incidence. */

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "daemon/reduce.h"
+#include "proto/session_linearity.h"
 #include "tests/support/session_rows.h"
 #include "tests/support/synthetic_bench.h"
 
@@ -22,6 +23,7 @@ struct seen {
     int n_points, n_brackets, next_id;
     struct point *point; /* [POINTS_MAX] */
     struct bracket last;
+    struct linearity linearity;
 };
 
 static int see_point(void *arg, struct point *p, struct err *e) {
@@ -38,6 +40,12 @@ static int see_bracket(void *arg, const struct bracket *b, struct err *e) {
     struct seen *s = arg;
     s->n_brackets++;
     s->last = *b;
+    return 0;
+}
+
+static int see_linearity(void *arg, struct linearity *l, struct err *e) {
+    (void)e;
+    ((struct seen *)arg)->linearity = *l;
     return 0;
 }
 
@@ -71,7 +79,8 @@ static void start(struct fixture *f, uint64_t seed, bool beam_in_view, enum job_
     if (reducer_new(&f->r, &f->setup, &e) < 0)
         fail_msg("%s", e.text);
     f->seen.point = calloc(POINTS_MAX, sizeof *f->seen.point);
-    f->sink = (struct reduce_sink){&f->seen, see_point, see_bracket};
+    f->sink = (struct reduce_sink){
+        .arg = &f->seen, .point = see_point, .bracket = see_bracket, .linearity = see_linearity};
 }
 
 /* A spectrometer without noise, and a reducer that knows it. */
@@ -266,6 +275,34 @@ static void noise_is_what_the_budget_says(void **state) {
     assert_true(noisy <= 4);
 }
 
+/* Two exposure times, noise and a lamp that wanders in between: the error found scatters about 0 by its u. */
+static void the_overlap_scatters_as_its_u_says(void **state) {
+    (void)state;
+    uint64_t seed = test_seed("test_reduce_bench");
+    struct pulls pulls = {0};
+    double u = 0;
+    for (int c = 0; c < CAMPAIGNS; c++) {
+        struct fixture f;
+        start(&f, seed + 7919u * (uint64_t)c, false, REFERENCE_FIXED);
+        f.bench.lamp_rate = f.setup.drift_rate_prior;
+        take_dark(&f, 100000);
+        take_dark(&f, 25000);
+        for (int k = 0; k < 2; k++) {
+            struct exposure x;
+            synthetic_expose(&f.bench, EXPOSURE_OVERLAP, 45, 0, k ? 25000 : 100000, &x);
+            x.step = 1;
+            give(&f, &x);
+            synthetic_wait(&f.bench, 5);
+        }
+        add_pull(&pulls, f.seen.linearity.error_rel / f.seen.linearity.u_error_rel);
+        u += f.seen.linearity.u_error_rel / CAMPAIGNS;
+        finish(&f);
+    }
+    judge(&pulls, "linearity");
+    printf("# u of the error at full scale: %.2g\n", u);
+    assert_true(u > 0);
+}
+
 static void scatter_beyond_the_model_is_told_and_paid_for(void **state) {
     (void)state;
     struct fixture quiet, noisy;
@@ -379,6 +416,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(four_modes_agree_in_both_fillings),
         cmocka_unit_test(noise_is_what_the_budget_says),
+        cmocka_unit_test(the_overlap_scatters_as_its_u_says),
         cmocka_unit_test(scatter_beyond_the_model_is_told_and_paid_for),
         cmocka_unit_test(drift_is_what_the_bridge_says),
         cmocka_unit_test(a_replay_gives_the_same_bytes),
