@@ -7,20 +7,15 @@
 #include <string.h>
 
 #include "fit/aperture.h"
-#include "fit/points_csv.h"
-#include "fit/points_session.h"
+#include "fit/points_option.h"
 #include "fit/reflectance.h"
 #include "fit/solve.h"
-#include "proto/file.h"
 #include "proto/number.h"
-
-#define FILE_MAX (256u << 20)
 
 static const char help[] =
     "usage: goniofit fit FILE... [--model MODEL] [--weights measured|none] [--paper-convention] [--json]\n"
-    "Fits a reflection model to radiance factors.\n"
-    "  FILE                a session (.gonio), or CSV: theta_i_deg,theta_v_deg, then\n"
-    "                      beta[,u_beta][,u_ind][,u_common_rel] or beta_550nm[,u_550nm],...\n"
+    "Fits a reflection model to radiance factors.\n";
+static const char help_of_fit[] =
     "  --model MODEL       lambert, oren-nayar, eq1, composite (default), or all of them, best BIC first\n"
     "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
     "  --paper-convention  refit of the paper's printed form: kappa = pi, q = 1; S_paper = pi S is given "
@@ -34,7 +29,10 @@ struct options {
     const char *model; /* NULL: all */
     bool unweighted, paper, json;
     double source_width_deg, sensor_width_deg; /* NAN: as the file says */
+    struct points_options points;
 };
+
+enum { POINTS_OPTION = 'P' }; /* any of POINTS_OPTIONS */
 
 static int take_model(const char *name, struct options *o, struct err *e) {
     enum reflectance_model found;
@@ -70,10 +68,11 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
                                           {"sensor-width", required_argument, NULL, 'v'},
                                           {"json", no_argument, NULL, 'j'},
                                           {"help", no_argument, NULL, 'h'},
+                                          POINTS_OPTIONS(POINTS_OPTION),
                                           {NULL, 0, NULL, 0}};
-    int status = 0;
+    int status = 0, at = 0;
     optind = 1;
-    for (int c; !status && (c = getopt_long(argc, argv, "", known, NULL)) != -1;) {
+    for (int c; !status && (c = getopt_long(argc, argv, "", known, &at)) != -1;) {
         switch (c) {
         case 'm':
             status = take_model(optarg, o, e);
@@ -94,8 +93,11 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             o->json = true;
             break;
         case 'h':
-            fputs(help, stdout);
+            printf("%s%s%s", help, points_option_help, help_of_fit);
             return 1;
+        case POINTS_OPTION:
+            status = points_option_take(known[at].name, optarg, &o->points, e);
+            break;
         default:
             return err_set(e, ERR_USAGE, "see goniofit fit --help");
         }
@@ -106,31 +108,12 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
     return status;
 }
 
-static bool is_session(const char *text, size_t size) {
-    return size >= 16 && memcmp(text, "SQLite format 3", 16) == 0;
-}
-
-static int read_points(const char *path, struct fitset *data, struct err_list *errors) {
-    struct err e = {0};
-    char *text = NULL;
-    size_t size = 0;
-    int status = file_read(path, FILE_MAX, &text, &size, &e);
-    if (!status && is_session(text, size)) {
-        status = points_session_read(path, data, &e);
-    } else if (!status) {
-        status = points_csv_read(path, text, size, data, errors);
-    }
-    free(text);
-    if (e.code) {
-        err_list_add(errors, &e);
-    }
-    return status;
-}
-
 struct result {
     struct estimate estimate;
     struct estimate_trace trace;
     const char *file;
+    struct points_report report;
+    struct mask mask;
 };
 
 static void print_limit(const struct estimate *m, int p) {
@@ -140,7 +123,13 @@ static void print_limit(const struct estimate *m, int p) {
 
 static void print_text(const struct result *r, bool paper) {
     const struct estimate *m = &r->estimate;
-    printf("%s: %s, %d points\n", r->file, m->model, m->n_points);
+    printf("%s: %s, %d points (%s)\n", r->file, m->model, m->n_points, r->report.format);
+    if (r->report.azimuth[0]) {
+        printf("  azimuth: %s\n", r->report.azimuth);
+    }
+    for (int i = 0; i < r->report.n_notes; i++) {
+        printf("  note: %s\n", r->report.note[i]);
+    }
     if (!m->converged) {
         printf("  no estimate: %s\n", m->refusal);
         return;
@@ -167,6 +156,20 @@ static void print_text(const struct result *r, bool paper) {
     }
 }
 
+/* How the file was read: what a reader of the numbers must know of it. */
+static json_t *input_to_json(const struct result *r) {
+    json_t *left_out = json_object(), *notes = json_array();
+    for (int rule = 0; rule < MASK_RULES; rule++) {
+        json_object_set_new(left_out, mask_key((enum mask_rule)rule),
+                            json_integer((json_int_t)r->mask.left_out[rule]));
+    }
+    for (int i = 0; i < r->report.n_notes; i++) {
+        json_array_append_new(notes, json_string(r->report.note[i]));
+    }
+    return json_pack("{s:s,s:s,s:o,s:o}", "format", r->report.format, "azimuth", r->report.azimuth,
+                     "left_out", left_out, "notes", notes);
+}
+
 static json_t *result_to_json(const struct result *r, bool paper) {
     json_t *json = estimate_to_json(&r->estimate), *trace = json_array();
     for (size_t i = 0; i < r->trace.n; i++) {
@@ -176,6 +179,7 @@ static json_t *result_to_json(const struct result *r, bool paper) {
     json_object_set_new(json, "trace", trace);
     json_object_set_new(json, "solver", json_string(solve_name()));
     json_object_set_new(json, "file", json_string(r->file));
+    json_object_set_new(json, "input", input_to_json(r));
     if (paper) {
         json_object_set_new(json, "S_paper", json_real(M_PI * r->estimate.value[MATERIAL_S]));
     }
@@ -201,8 +205,9 @@ static void take_given(struct estimate_input *in, const struct options *o) {
 static int fit_models(const char *path, const struct options *o, struct result *results, int *n,
                       struct err_list *errors) {
     struct fitset data;
+    struct points_report report;
     fitset_init(&data);
-    int status = read_points(path, &data, errors), first = *n;
+    int status = points_read(path, &o->points, &data, &report, errors), first = *n;
     data.input.unweighted = o->unweighted;
     take_given(&data.input, o);
     if (o->paper) {
@@ -216,7 +221,7 @@ static int fit_models(const char *path, const struct options *o, struct result *
         }
         struct result *r = &results[(*n)++];
         struct err e = {0};
-        *r = (struct result){.file = path};
+        *r = (struct result){.file = path, .report = report, .mask = data.mask};
         data.input.model = name;
         data.input.trace = &r->trace;
         status = fitset_fit(&data, &r->estimate, &e);

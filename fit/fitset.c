@@ -59,9 +59,7 @@ static int grow_points(struct fitset *d, struct err *e) {
     for (size_t i = 0; i < sizeof columns / sizeof *columns && !status; i++) {
         status = reserve(columns[i], sizeof(double), capacity, e);
     }
-    if (status || (status = reserve(&d->mirrored, sizeof(bool), capacity, e)) ||
-        (status = reserve(&d->bands, BANDS * sizeof(double), capacity, e)) ||
-        (status = reserve(&d->bands_u, BANDS * sizeof(double), capacity, e))) {
+    if (status || (status = reserve(&d->mirrored, sizeof(bool), capacity, e))) {
         return status;
     }
     d->capacity = capacity;
@@ -74,8 +72,29 @@ static void copy_bands(double *to, const double *from) {
     }
 }
 
+/* Bands are 1.3 kB a point: no room for them before the first point that has some. */
+static int grow_bands(struct fitset *d, struct err *e) {
+    int status = 0;
+    if (d->band_capacity < d->capacity) {
+        if ((status = reserve(&d->bands, BANDS * sizeof(double), d->capacity, e)) ||
+            (status = reserve(&d->bands_u, BANDS * sizeof(double), d->capacity, e))) {
+            return status;
+        }
+        d->band_capacity = d->capacity;
+    }
+    for (size_t i = 0; i < d->n && !d->has_bands; i++) {
+        copy_bands(d->bands + i * BANDS, NULL);
+        copy_bands(d->bands_u + i * BANDS, NULL);
+    }
+    d->has_bands = true;
+    return status;
+}
+
 int fitset_add_point(struct fitset *d, const struct fitset_point *point, struct err *e) {
     int status = grow_points(d, e);
+    if (!status && (point->bands || d->has_bands)) {
+        status = grow_bands(d, e);
+    }
     if (status) {
         return status;
     }
@@ -86,9 +105,10 @@ int fitset_add_point(struct fitset *d, const struct fitset_point *point, struct 
     d->beta[i] = point->beta;
     d->u_ind[i] = point->u_ind;
     d->has_u = d->has_u && !isnan(point->u_ind);
-    copy_bands(d->bands + i * BANDS, point->bands);
-    copy_bands(d->bands_u + i * BANDS, point->bands ? point->bands_u : NULL);
-    d->has_bands = d->has_bands || point->bands;
+    if (d->has_bands) {
+        copy_bands(d->bands + i * BANDS, point->bands);
+        copy_bands(d->bands_u + i * BANDS, point->bands ? point->bands_u : NULL);
+    }
     d->has_bands_u = d->has_bands_u || (point->bands && point->bands_u);
     return 0;
 }

@@ -12,6 +12,7 @@
 #define FIT_FITSET_H
 
 #include "fit/estimate.h"
+#include "fit/mask.h"
 
 struct fitset_point {
     double theta_i_deg, theta_v_deg;
@@ -37,11 +38,11 @@ struct fitset_bracket {
 
 struct fitset {
     struct estimate_input input; /* settings; its arrays are set by fitset_input */
-    size_t n, capacity;
+    size_t n, capacity, band_capacity;
     double *theta_i_deg, *theta_v_deg, *beta, *u_ind, *bands, *bands_u;
     bool *mirrored;
     bool has_u, has_bands, has_bands_u;
-    size_t n_left_out;         /* points without a visible mean */
+    struct mask mask;          /* what readers of files let in, and counts of what they left out */
     bool independence_assumed; /* only a total uncertainty was given */
     struct fitset_cause *cause;
     size_t n_causes, cause_capacity;

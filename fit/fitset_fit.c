@@ -10,9 +10,11 @@ int fitset_fit(struct fitset *d, struct estimate *estimate, struct err *e) {
     if (status || (status = estimate_fit(input, estimate, e))) {
         return status;
     }
-    if (d->n_left_out > 0) {
-        words_warn(estimate, "%zu points have no visible mean (a band of it is missing) and were left out",
-                   d->n_left_out);
+    for (int rule = 0; rule < MASK_RULES; rule++) {
+        if (d->mask.left_out[rule] > 0) {
+            words_warn(estimate, "left out: %zu points %s", d->mask.left_out[rule],
+                       mask_words((enum mask_rule)rule));
+        }
     }
     if (d->independence_assumed) {
         words_warn(estimate, "only a total uncertainty was given: independence of the points was assumed");

@@ -168,7 +168,10 @@ static int read_row(const struct csv *csv, size_t row, const struct layout *l, s
     }
     struct err e = {0};
     if (isnan(point.beta)) {
-        d->n_left_out++;
+        d->mask.left_out[MASK_NO_VALUE]++;
+        return 0;
+    }
+    if (!mask_admits(&d->mask, point.theta_i_deg, fabs(point.theta_v_deg), point.theta_v_deg > 0 ? 180 : 0)) {
         return 0;
     }
     if ((status = fitset_add_point(d, &point, &e)) || (status = add_common(d, cell, point.beta, &e))) {

@@ -68,7 +68,11 @@ static int see_point(void *arg, const struct point *p) {
         return 0;
     }
     if (isnan(p->mean)) {
-        r->data->n_left_out++;
+        r->data->mask.left_out[MASK_NO_VALUE]++;
+        return 0;
+    }
+    const double theta_i_deg = deg_from_udeg(p->theta_i_udeg), theta_v_deg = deg_from_udeg(p->theta_v_udeg);
+    if (!mask_admits(&r->data->mask, theta_i_deg, fabs(theta_v_deg), theta_v_deg > 0 ? 180 : 0)) {
         return 0;
     }
     double bands[BANDS], bands_u[BANDS];
@@ -76,8 +80,8 @@ static int see_point(void *arg, const struct point *p) {
         bands[b] = p->present[b] ? p->beta[b] : NAN;
         bands_u[b] = p->present[b] ? p->u_ind[b] : NAN;
     }
-    struct fitset_point point = {.theta_i_deg = deg_from_udeg(p->theta_i_udeg),
-                                 .theta_v_deg = deg_from_udeg(p->theta_v_udeg),
+    struct fitset_point point = {.theta_i_deg = theta_i_deg,
+                                 .theta_v_deg = theta_v_deg,
                                  .mirrored = p->exposure_id < r->n_exposures && r->mirrored[p->exposure_id],
                                  .beta = p->mean,
                                  .u_ind = p->mean_u_ind,

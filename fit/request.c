@@ -83,7 +83,7 @@ static int read_point(struct request *r, const json_t *json, size_t at, struct e
     }
     r->index[at] = -1;
     if (status || isnan(point.beta)) {
-        r->data.n_left_out += !status;
+        r->data.mask.left_out[MASK_NO_VALUE] += !status;
         return status;
     }
     r->data.input.any_provisional = r->data.input.any_provisional || provisional;

@@ -1,6 +1,8 @@
 #include "proto/brdf.h"
 
 #include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -88,16 +90,70 @@ static int read_wavelengths(struct numbers *s, struct brdf *b, struct err *e) {
     return 0;
 }
 
-static struct brdf_geometry geometry_of(const double angle[ANGLES]) {
-    struct brdf_geometry g = {.theta_i_deg = fmin(90, deg_from_rad(angle[0])),
-                              .theta_s_deg = fmin(90, deg_from_rad(angle[2]))};
-    g.delta_phi_deg = fabs(remainder(deg_from_rad(angle[3] - angle[1]), 360));
-    bool forward = g.delta_phi_deg >= 180 - BRDF_PLANE_DEG, backward = g.delta_phi_deg <= BRDF_PLANE_DEG;
-    g.in_plane = forward || backward || angle[0] == 0 || angle[2] == 0;
-    g.theta_v_deg = g.delta_phi_deg > 90 ? g.theta_s_deg : -g.theta_s_deg;
-    if (!g.in_plane)
-        g.theta_v_deg = NAN;
+static void set_side(struct brdf_geometry *g) {
+    bool forward = g->delta_phi_deg >= 180 - BRDF_PLANE_DEG, backward = g->delta_phi_deg <= BRDF_PLANE_DEG;
+    g->in_plane = forward || backward || g->theta_i_deg == 0 || g->theta_s_deg == 0;
+    g->theta_v_deg = g->delta_phi_deg > 90 ? g->theta_s_deg : -g->theta_s_deg;
+    if (!g->in_plane)
+        g->theta_v_deg = NAN;
+}
+
+static struct brdf_geometry geometry_of(double theta_i_deg, double phi_i_deg, double theta_s_deg,
+                                        double phi_s_deg) {
+    struct brdf_geometry g = {.theta_i_deg = fmin(90, fabs(theta_i_deg)),
+                              .theta_s_deg = fmin(90, fabs(theta_s_deg))};
+    double turn = (theta_i_deg < 0) != (theta_s_deg < 0) ? 180 : 0;
+    g.delta_phi_deg = fabs(remainder(phi_s_deg - phi_i_deg + turn, 360));
+    set_side(&g);
     return g;
+}
+
+static int grow(struct brdf *b, struct err *e) {
+    size_t wanted = b->capacity ? 2 * b->capacity : 64;
+    struct brdf_geometry *geometry = realloc(b->geometry, wanted * sizeof *geometry);
+    if (geometry)
+        b->geometry = geometry;
+    double *beta = realloc(b->beta, wanted * b->n_lambda * sizeof *beta);
+    if (beta)
+        b->beta = beta;
+    double *u = b->u ? realloc(b->u, wanted * b->n_lambda * sizeof *u) : NULL;
+    if (u)
+        b->u = u;
+    if (!geometry || !beta || (b->u && !u))
+        return err_set(e, ERR_NOMEM, "no memory left for a measured surface of %zu geometries", wanted);
+    b->capacity = wanted;
+    return 0;
+}
+
+int brdf_add(struct brdf *b, double theta_i_deg, double phi_i_deg, double theta_s_deg, double phi_s_deg,
+             struct err *e) {
+    int rc = b->n < b->capacity ? 0 : grow(b, e);
+    if (rc != 0)
+        return rc;
+    b->geometry[b->n] = geometry_of(theta_i_deg, phi_i_deg, theta_s_deg, phi_s_deg);
+    for (size_t k = b->n * b->n_lambda; k < (b->n + 1) * b->n_lambda; k++) {
+        b->beta[k] = NAN;
+        if (b->u)
+            b->u[k] = NAN;
+    }
+    b->n++;
+    return 0;
+}
+
+void brdf_note(struct brdf *b, const char *format, ...) {
+    va_list arguments;
+    if (b->n_notes == BRDF_NOTES_MAX)
+        return;
+    va_start(arguments, format);
+    vsnprintf(b->note[b->n_notes++], sizeof b->note[0], format, arguments);
+    va_end(arguments);
+}
+
+void brdf_turn(struct brdf *b) {
+    for (size_t i = 0; i < b->n; i++) {
+        b->geometry[i].delta_phi_deg = 180 - b->geometry[i].delta_phi_deg;
+        set_side(&b->geometry[i]);
+    }
 }
 
 /* 1 a geometry was read, 0 the end, else an error. */
@@ -113,42 +169,21 @@ static int read_geometry(struct numbers *s, struct brdf *b, struct err *e) {
         if (rc != 0)
             return rc;
     }
-    b->geometry[b->n] = geometry_of(angle);
-    for (size_t k = 0; k < b->n_lambda; k++) {
-        double f;
-        int rc = need_number(s, "a value in 1/sr", -1e6, 1e6, &f, e);
-        if (rc != 0)
-            return rc;
-        b->beta[b->n * b->n_lambda + k] = M_PI * f;
+    int rc = brdf_add(b, deg_from_rad(angle[0]), deg_from_rad(angle[1]), deg_from_rad(angle[2]),
+                      deg_from_rad(angle[3]), e);
+    for (size_t k = 0; rc == 0 && k < b->n_lambda; k++) {
+        double f = NAN;
+        rc = need_number(s, "a value in 1/sr", -1e6, 1e6, &f, e);
+        b->beta[(b->n - 1) * b->n_lambda + k] = M_PI * f;
     }
-    b->n++;
-    return 1;
-}
-
-static int grow(struct brdf *b, size_t *capacity) {
-    if (b->n < *capacity)
-        return 0;
-    size_t wanted = *capacity ? 2 * *capacity : 64;
-    struct brdf_geometry *geometry = realloc(b->geometry, wanted * sizeof *geometry);
-    if (geometry)
-        b->geometry = geometry;
-    double *beta = realloc(b->beta, wanted * b->n_lambda * sizeof *beta);
-    if (beta)
-        b->beta = beta;
-    if (!geometry || !beta)
-        return -ERR_NOMEM;
-    *capacity = wanted;
-    return 0;
+    return rc ? rc : 1;
 }
 
 static int read_all(struct numbers *s, struct brdf *b, struct err *e) {
-    size_t capacity = 0;
     int rc = read_wavelengths(s, b, e);
     if (rc != 0)
         return rc;
     do {
-        if (grow(b, &capacity) != 0)
-            return err_set(e, ERR_NOMEM, "no memory left to read %s", s->file);
         rc = read_geometry(s, b, e);
     } while (rc == 1);
     if (rc == 0 && b->n == 0)
@@ -184,5 +219,6 @@ void brdf_free(struct brdf *brdf) {
     free(brdf->lambda_nm);
     free(brdf->geometry);
     free(brdf->beta);
+    free(brdf->u);
     memset(brdf, 0, sizeof *brdf);
 }

@@ -110,6 +110,34 @@ def test_models_are_ranked(folder):
     assert any("does not fit" in w for w in fits[-1]["warnings"])
 
 
+def test_files_of_others_are_read(folder):
+    rows = evaluated(folder, dict(MATERIAL, q=1))
+    path = folder / "m.astm"
+    path.write_text("NUM_POINTS 198\nVARS theta_i,phi_i,theta_s,550nm\n" + "".join(
+        f"{math.radians(r['theta_i_deg']):.9f},3.141592654,{math.radians(abs(r['theta_v_deg'])):.9f},"
+        f"{0 if r['theta_v_deg'] > 0 else 3.141592654},{r['beta'] / math.pi:.12g}\n" for r in rows))
+    code, out, err = run("fit", path, "--u", "0.005:0.001", "--max-theta-i", 50, "--blind", 8, "--json")
+    assert code == 0, err
+    fit = json.loads(out)
+    assert fit["input"]["format"] == "astm" and "180 deg (detected)" in fit["input"]["azimuth"]
+    assert any("taken for phi_s" in note for note in fit["input"]["notes"])
+    left_out = fit["input"]["left_out"]
+    assert left_out["theta_i"] == 33 and left_out["blind"] > 4 and left_out["theta_v"] == 0
+    assert fit["n_points"] == 198 - left_out["theta_i"] - left_out["blind"]
+    for name in ("S", "sigma", "gamma", "beta_prime", "n"):
+        assert abs(fit["parameters"][name] / MATERIAL[name] - 1) < 1e-5, name
+    code, out, err = run("fit", path)
+    assert code == 0 and "(astm)" in out and "azimuth: forward" in out and "note: column 4" in out
+    broken = folder / "broken.astm"
+    broken.write_text(path.read_text().replace("3.141592654,", "pi,", 1))
+    code, out, err = run("fit", broken)
+    assert code == 2 and "broken.astm:3:" in err and "'pi' is no number" in err
+    for words in (["--format", "xls"], ["--azimuth", "left"], ["--blind", "x"], ["--max-theta-i", "0"], ["--u", "1"],
+                  ["--wavelength", "700"], ["--wavelength", "700:400"], ["--u", "0:0"]):
+        code, out, err = run("fit", path, *words)
+        assert code == 2 and words[0] in err, (words, err)
+
+
 def test_paper_convention_is_a_refit(folder):
     code, out, err = run("fit", measured(folder), "--paper-convention", "--weights", "none", "--json")
     fit = json.loads(out)

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "daemon/verbs.h"
+#include "fit/points.h"
 #include "tests/support/recorded_session.h"
 #include "tests/support/session_rows.h"
 
@@ -242,6 +243,38 @@ static void astm_has_radians_and_brdf(void **state) {
     free(text);
 }
 
+/* The other way round: what was exported as .astm is what was exported as CSV, but for the digits of the text. */
+static void astm_reads_back(void **state) {
+    (void)state;
+    struct fitset csv, astm;
+    struct points_report report;
+    struct points_options none = {0};
+    struct err_list errors = {0};
+    char name[120];
+    free(exported("csv", "--spectrum"));
+    snprintf(name, sizeof name, "%s/export", folder);
+    fitset_init(&csv);
+    assert_int_equal(points_read(name, &none, &csv, &report, &errors), 0);
+    free(exported("astm", NULL));
+    fitset_init(&astm);
+    assert_int_equal(points_read(name, &none, &astm, &report, &errors), 0);
+    assert_string_equal(report.format, "astm");
+    assert_non_null(strstr(report.azimuth, "180 deg (as the file states)"));
+    assert_int_equal(astm.n, csv.n);
+    assert_int_equal(csv.n, RECORDED_POINTS);
+    for (size_t i = 0; i < csv.n; i++) {
+        assert_float_equal(astm.theta_i_deg[i], csv.theta_i_deg[i], 1e-7);
+        assert_float_equal(astm.theta_v_deg[i], csv.theta_v_deg[i], 1e-7);
+        assert_float_equal(astm.beta[i], csv.beta[i], 6e-9 * fabs(csv.beta[i]));
+        for (int b = 0; b < BANDS; b++) {
+            double there = csv.bands[i * BANDS + (size_t)b], here = astm.bands[i * BANDS + (size_t)b];
+            assert_true(isnan(there) ? isnan(here) : fabs(here - there) <= 6e-9 * fabs(there));
+        }
+    }
+    fitset_free(&csv);
+    fitset_free(&astm);
+}
+
 static void bad_exports_are_refused(void **state) {
     (void)state;
     expect(RUN("export", path, "--format", "xls", "-o", "/dev/null"), 2, "", "csv, astm or pcapng");
@@ -273,6 +306,7 @@ int main(int argc, char **argv) {
         TEST(sessions_are_listed_with_what_is_wrong),
         TEST(csv_is_what_goniofit_reads),
         TEST(astm_has_radians_and_brdf),
+        TEST(astm_reads_back),
         TEST(bad_exports_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
