@@ -168,7 +168,8 @@ static void synthetic_twin(void **state) {
                 n == 5 ? 0 : 0.03 + 0.3 / (1 + exp((600 - lambda_nm[k]) / 12)) * cos(v * M_PI / 180) + lobe;
         }
     }
-    struct brdf brdf = {N, LAMBDAS, lambda_nm, geometry, beta};
+    struct brdf brdf = {
+        .n = N, .n_lambda = LAMBDAS, .lambda_nm = lambda_nm, .geometry = geometry, .beta = beta};
     check_surface("synthetic twin", &brdf, 90);
 }
 

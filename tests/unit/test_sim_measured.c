@@ -66,7 +66,7 @@ static void test_a_lobe_moves_between_incidences(void **state) {
                                                   theta_i_deg + angle[i]};
             beta[2 * (5 * c + i)] = beta[2 * (5 * c + i) + 1] = angle[i] == 0 ? 4 : 1;
         }
-    struct brdf b = {10, 2, lambda_nm, g, beta};
+    struct brdf b = {.n = 10, .n_lambda = 2, .lambda_nm = lambda_nm, .geometry = g, .beta = beta};
     struct measured *m;
     assert_int_equal(measured_new(&m, &b, NULL), 0);
     measured_at(m, 35, 35, got);
