@@ -229,9 +229,10 @@ static int evaluate(const struct estimate *m, const struct aperture_form *form, 
                     double theta_v_deg, double *beta, double *gradient, struct err *e) {
     enum reflectance_model model;
     double column[MATERIAL_PARAMETERS];
+    const struct reflectance_optics optics = {m->kappa, m->q, 0};
     int rc = reflectance_find(m->model, &model, e);
     if (rc == 0)
-        rc = aperture_at(form, theta_i_deg, theta_v_deg, model, m->value, m->kappa, m->q, beta, column, e);
+        rc = aperture_at(form, theta_i_deg, theta_v_deg, model, m->value, &optics, beta, column, e);
     for (int k = 0; k < MATERIAL_PARAMETERS; k++)
         gradient[k] = 0;
     for (int c = 0; rc == 0 && c < reflectance_parameters(model); c++)

@@ -11,7 +11,8 @@
 #define GRAZING_DEG 89.0 /* a spot at 89 deg is already 57 times its width */
 
 static const char *const modes[] = {"fixed", "per_incidence", "every_geometry", "start_end", NULL};
-static const char *const models[] = {"lambert", "oren-nayar", "eq1", "composite", NULL};
+static const char *const models[] = {"lambert",    "oren-nayar",  "eq1",      "composite",
+                                     "heavy-tail", "transmitted", "two-lobe", NULL};
 
 const char *job_mode_name(enum job_reference_mode mode) {
     return modes[mode];

@@ -33,10 +33,11 @@ static void find_slopes(const struct recording *r, const struct replay_point *p,
 static void find_gradient(const struct estimate *m, const struct replay_point *p, struct slopes *s) {
     enum reflectance_model model;
     struct reflectance_geometry g;
+    const struct reflectance_optics optics = {m->kappa, m->q, 0};
     double beta, gradient[MATERIAL_PARAMETERS];
     if (reflectance_find(m->model, &model, NULL) < 0 ||
         reflectance_geometry(&g, p->theta_i_deg, p->theta_v_deg, NULL) < 0 ||
-        reflectance_eval(model, 1, &g, m->value, m->kappa, m->q, &beta, gradient, NULL) < 0)
+        reflectance_eval(model, 1, &g, m->value, &optics, &beta, gradient, NULL) < 0)
         return;
     for (int j = 0; j < reflectance_parameters(model); j++)
         s->by[reflectance_parameter(model, j)] = gradient[j];

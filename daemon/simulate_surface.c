@@ -77,12 +77,12 @@ int simulate_surface_from_estimate(const struct estimate *m, struct simulate_sur
     if (*m->refusal || !isfinite(m->value[MATERIAL_S]))
         return err_set(e, ERR_INPUT, "the session has no fitted estimate: %s",
                        *m->refusal ? m->refusal : "it is not a number");
-    if (reflectance_find(m->model, &model, NULL) < 0)
+    if (reflectance_find(m->model, &model, NULL) < 0 || reflectance_column(model, MATERIAL_EXTRA_1) >= 0)
         return err_set(e, ERR_INPUT, "the simulated bench cannot show a surface of the model %s", m->model);
     if (m->kappa != 1)
         return err_set(e, ERR_INPUT, "the estimate has kappa = %g: fit it again with kappa = 1", m->kappa);
-    bool rough = model == REFLECTANCE_OREN_NAYAR || model == REFLECTANCE_COMPOSITE;
-    bool glossy = model == REFLECTANCE_EQ1 || model == REFLECTANCE_COMPOSITE;
+    bool rough = reflectance_column(model, MATERIAL_SIGMA) >= 0;
+    bool glossy = reflectance_column(model, MATERIAL_GAMMA) >= 0;
     *s = (struct simulate_surface){.sigma = rough ? m->value[MATERIAL_SIGMA] : SMOOTH_SIGMA,
                                    .gamma = glossy ? m->value[MATERIAL_GAMMA] : 1,
                                    .beta_prime = glossy ? m->value[MATERIAL_BETA_PRIME] : 0,
@@ -100,10 +100,11 @@ double simulate_surface_mean(const struct simulate_surface *s, double theta_i_de
                                                [MATERIAL_N] = s->n};
     struct reflectance_geometry g;
     struct reflectance_parts f;
+    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
     double mean, q, sign = theta_i_deg < 0 ? -1 : 1;
     mean_of(s, mean_nm, &mean, &q);
     if (reflectance_geometry(&g, sign * theta_i_deg, sign * theta_v_deg, NULL) < 0 ||
-        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, 1, 1, &f, NULL) < 0)
+        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, &optics, &f, NULL) < 0)
         return NAN;
     return mean * f.diffuse + q * mean * mean * f.interreflection + f.specular;
 }

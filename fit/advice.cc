@@ -34,7 +34,7 @@ Matrix prior_covariance(const struct problem *p, const struct uncertainty *u) {
 Vector row_of(const struct problem *p, const double *value, const double *chain, double theta_i_deg,
               double theta_v_deg, double *beta) {
     double gradient[COORDINATES_MAX] = {0};
-    aperture_at(&p->aperture.form, theta_i_deg, theta_v_deg, p->model, value, p->kappa, p->q, beta, gradient,
+    aperture_at(&p->aperture.form, theta_i_deg, theta_v_deg, p->model, value, &p->optics, beta, gradient,
                 nullptr);
     return Eigen::Map<const Matrix>(chain, p->k, p->k).transpose() * Eigen::Map<const Vector>(gradient, p->k);
 }

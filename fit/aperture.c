@@ -139,12 +139,12 @@ static void average(const struct view *view, size_t n, const double *node_beta, 
 }
 
 static int eval_view(const struct view *view, size_t n, enum reflectance_model model, const double *value,
-                     double kappa, double q, double *beta, double *gradient, struct err *e) {
+                     const struct reflectance_optics *optics, double *beta, double *gradient, struct err *e) {
     double node_beta[BATCH], node_gradient[BATCH * MATERIAL_PARAMETERS];
     const size_t at_once = BATCH / view->nodes;
     for (size_t first = 0; first < n; first += at_once) {
         size_t count = n - first < at_once ? n - first : at_once, node = first * view->nodes;
-        int status = reflectance_eval(model, count * view->nodes, view->geometry + node, value, kappa, q,
+        int status = reflectance_eval(model, count * view->nodes, view->geometry + node, value, optics,
                                       node_beta, gradient ? node_gradient : NULL, e);
         if (status) {
             return status;
@@ -158,36 +158,36 @@ static int eval_view(const struct view *view, size_t n, enum reflectance_model m
 }
 
 int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
-                  const double *value, double kappa, double q, double *beta, double *gradient,
-                  struct err *e) {
+                  const double *value, const struct reflectance_optics *optics, double *beta,
+                  double *gradient, struct err *e) {
     size_t at = first * (size_t)a->nodes;
     if (!a->weight) {
-        return reflectance_eval(model, n, a->geometry + at, value, kappa, q, beta, gradient, e);
+        return reflectance_eval(model, n, a->geometry + at, value, optics, beta, gradient, e);
     }
     struct view view = {a->geometry + at, a->weight + at, (size_t)a->nodes, reflectance_parameters(model)};
-    return eval_view(&view, n, model, value, kappa, q, beta, gradient, e);
+    return eval_view(&view, n, model, value, optics, beta, gradient, e);
 }
 
 int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
-                enum reflectance_model model, const double *value, double kappa, double q, double *beta,
-                double *gradient, struct err *e) {
+                enum reflectance_model model, const double *value, const struct reflectance_optics *optics,
+                double *beta, double *gradient, struct err *e) {
     struct reflectance_geometry geometry[NODES_MAX];
     double weight[NODES_MAX];
     int status = place(form, theta_i_deg, theta_v_deg, geometry, weight, e);
     struct view view = {geometry, weight, (size_t)nodes_of(form), reflectance_parameters(model)};
-    return status ? status : eval_view(&view, 1, model, value, kappa, q, beta, gradient, e);
+    return status ? status : eval_view(&view, 1, model, value, optics, beta, gradient, e);
 }
 
 int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,
-                   double kappa, double q, struct reflectance_parts *parts, struct err *e) {
+                   const struct reflectance_optics *optics, struct reflectance_parts *parts, struct err *e) {
     size_t at = point * (size_t)a->nodes;
     if (!a->weight) {
-        return reflectance_eval_parts(model, &a->geometry[at], value, kappa, q, parts, e);
+        return reflectance_eval_parts(model, &a->geometry[at], value, optics, parts, e);
     }
     struct reflectance_parts sum = {0}, one;
     int status = 0;
     for (size_t m = at; m < at + (size_t)a->nodes && !status; m++) {
-        status = reflectance_eval_parts(model, &a->geometry[m], value, kappa, q, &one, e);
+        status = reflectance_eval_parts(model, &a->geometry[m], value, optics, &one, e);
         sum.diffuse += a->weight[m] * one.diffuse;
         sum.interreflection += a->weight[m] * one.interreflection;
         sum.specular += a->weight[m] * one.specular;

@@ -48,13 +48,14 @@ int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n
                   const double *theta_v_deg, struct err *e);
 void aperture_free(struct aperture *a);
 int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
-                  const double *value, double kappa, double q, double *beta, double *gradient, struct err *e);
+                  const double *value, const struct reflectance_optics *optics, double *beta,
+                  double *gradient, struct err *e);
 int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,
-                   double kappa, double q, struct reflectance_parts *parts, struct err *e);
+                   const struct reflectance_optics *optics, struct reflectance_parts *parts, struct err *e);
 /* A geometry that is in no set. theta_i_deg < 0 is the same seen from the other side. */
 int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
-                enum reflectance_model model, const double *value, double kappa, double q, double *beta,
-                double *gradient, struct err *e);
+                enum reflectance_model model, const double *value, const struct reflectance_optics *optics,
+                double *beta, double *gradient, struct err *e);
 
 #ifdef __cplusplus
 }

@@ -78,13 +78,15 @@ static int prepare_points(struct bandfit *f, const struct problem *p, const doub
     double unit[MATERIAL_PARAMETERS], beta, direct[COORDINATES_MAX] = {0}, whole[COORDINATES_MAX] = {0};
     memcpy(unit, value, sizeof unit);
     unit[MATERIAL_S] = 1;
+    const struct reflectance_optics without = {p->optics.kappa, 0, p->optics.polarisation},
+                                    with = {p->optics.kappa, 1, p->optics.polarisation};
     bool rough = p->k > 1 && reflectance_parameter(p->model, 1) == MATERIAL_SIGMA;
     for (size_t i = 0; i < p->n; i++) {
         struct reflectance_parts parts;
         const struct aperture *a = &p->aperture;
-        int status = aperture_parts(a, i, p->model, unit, p->kappa, 1, &parts, e);
-        if (status || (status = aperture_eval(a, i, 1, p->model, unit, p->kappa, 0, &beta, direct, e)) ||
-            (status = aperture_eval(a, i, 1, p->model, unit, p->kappa, 1, &beta, whole, e))) {
+        int status = aperture_parts(a, i, p->model, unit, &with, &parts, e);
+        if (status || (status = aperture_eval(a, i, 1, p->model, unit, &without, &beta, direct, e)) ||
+            (status = aperture_eval(a, i, 1, p->model, unit, &with, &beta, whole, e))) {
             return status;
         }
         f->point[i] = (struct bandfit_point){.l1 = parts.diffuse,

@@ -17,9 +17,10 @@ static const char help[] =
     "Prints the model at each point as CSV with 17 digits: the point, the radiance factor and its parts, and "
     "the\n"
     "derivatives with respect to each parameter.\n"
-    "  --params P.json  {\"S\",\"sigma\",\"gamma\",\"beta_prime\",\"n\"[,\"kappa\",\"q\"]}, or the output "
-    "of\n"
-    "                   goniofit fit --json; which parameters there are tells the model\n"
+    "  --params P.json  {\"S\",\"sigma\",\"gamma\",\"beta_prime\",\"n\"[,\"tail\" | ,\"n_d\" |\n"
+    "                   ,\"gamma_2\",\"beta_prime_2\"][,\"kappa\",\"q\"]}, or the output of goniofit fit "
+    "--json;\n"
+    "                   which parameters there are tells the model\n"
     "  --points G.csv   columns theta_i_deg,theta_v_deg; others are passed over\n"
     "exit status: 0 done, 2 bad usage or bad input\n";
 
@@ -45,17 +46,33 @@ static int read_options(int argc, char **argv, const char **params, const char *
     return 0;
 }
 
-/* The model whose parameters are exactly those present. */
+static bool has_name(const char *model, const char *name) {
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        const char *own = material_parameter_name(model, p);
+        if (own && strcmp(own, name) == 0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Of all names of parameters there are, those present are the model's, and none of its is absent. */
+static bool is_model_of(const char *model, const json_t *parameters) {
+    for (int m = 0; m < REFLECTANCE_MODELS; m++) {
+        for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+            const char *any = material_parameter_name(reflectance_name((enum reflectance_model)m), p);
+            if (any && has_name(model, any) != (json_object_get(parameters, any) != NULL)) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
 static const char *model_of(const json_t *parameters) {
     for (int m = 0; m < REFLECTANCE_MODELS; m++) {
         const char *model = reflectance_name((enum reflectance_model)m);
-        bool same = true;
-        for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
-            const char *any = material_parameter_name("composite", p),
-                       *own = material_parameter_name(model, p);
-            same = same && (!any || (json_object_get(parameters, any) != NULL) == (own != NULL));
-        }
-        if (same) {
+        if (is_model_of(model, parameters)) {
             return model;
         }
     }
@@ -107,9 +124,10 @@ static int print_point(enum reflectance_model model, const struct estimate *m, c
     struct reflectance_geometry g;
     struct reflectance_parts parts;
     double beta, gradient[MATERIAL_PARAMETERS];
+    const struct reflectance_optics optics = {.kappa = m->kappa, .q = m->q};
     int status = reflectance_geometry(&g, angle[0], angle[1], e);
-    if (status || (status = reflectance_eval(model, 1, &g, m->value, m->kappa, m->q, &beta, gradient, e)) ||
-        (status = reflectance_eval_parts(model, &g, m->value, m->kappa, m->q, &parts, e))) {
+    if (status || (status = reflectance_eval(model, 1, &g, m->value, &optics, &beta, gradient, e)) ||
+        (status = reflectance_eval_parts(model, &g, m->value, &optics, &parts, e))) {
         return status;
     }
     printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", angle[0], angle[1], beta, parts.diffuse,

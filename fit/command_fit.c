@@ -16,7 +16,9 @@ static const char help[] =
     "usage: goniofit fit FILE... [--model MODEL] [--weights measured|none] [--paper-convention] [--json]\n"
     "Fits a reflection model to radiance factors.\n";
 static const char help_of_fit[] =
-    "  --model MODEL       lambert, oren-nayar, eq1, composite (default), or all of them, best BIC first\n"
+    "  --model MODEL       lambert, oren-nayar, eq1, composite (default), heavy-tail, transmitted, "
+    "two-lobe,\n"
+    "                      or all of them, best BIC first\n"
     "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
     "  --paper-convention  refit of the paper's printed form: kappa = pi, q = 1; S_paper = pi S is given "
     "too\n"

@@ -92,6 +92,7 @@ int Estimation::solve_from_starts(struct err *e) {
             last = failure;
         } else if (!any || result.chi2 < fit_.best.chi2) {
             fit_.best = result;
+            coordinates_order(fit_.p.model, fit_.best.x);
             any = true;
         }
     }
@@ -104,10 +105,9 @@ int Estimation::solve_bands(struct err *e) {
 }
 
 void Estimation::update_q() {
-    const bool interreflects =
-        fit_.p.model == REFLECTANCE_OREN_NAYAR || fit_.p.model == REFLECTANCE_COMPOSITE;
+    const bool interreflects = reflectance_column(fit_.p.model, MATERIAL_SIGMA) >= 0;
     if (in_->band_beta && !in_->q_is_one && interreflects) {
-        fit_.p.q = bandfit_q(&fit_.bands, in_->mean_low_nm, in_->mean_high_nm);
+        fit_.p.optics.q = bandfit_q(&fit_.bands, in_->mean_low_nm, in_->mean_high_nm);
     }
 }
 
@@ -128,6 +128,7 @@ int Estimation::settle(struct err *e) {
             return status;
         }
         fit_.best = next;
+        coordinates_order(fit_.p.model, fit_.best.x);
     }
 }
 
@@ -170,10 +171,10 @@ int estimate_axis_slopes(const struct estimate *estimate, size_t n, const double
     const struct aperture_form form = {estimate->source_width_deg, estimate->sensor_width_deg,
                                        estimate->beam_in_view};
     int status = reflectance_find(estimate->model, &model, e);
+    const struct reflectance_optics optics = {estimate->kappa, estimate->q, 0};
     for (size_t i = 0; i < n && !status; i++) {
-        status =
-            problem_axis_slopes(&form, model, estimate->value, estimate->kappa * estimate->q, theta_i_deg[i],
-                                theta_v_deg[i], mirrored && mirrored[i], &source[i], &sample[i], e);
+        status = problem_axis_slopes(&form, model, estimate->value, &optics, theta_i_deg[i], theta_v_deg[i],
+                                     mirrored && mirrored[i], &source[i], &sample[i], e);
     }
     return status;
 }

@@ -79,7 +79,7 @@ struct estimate_input {
     bool unweighted;                                 /* the paper's Eq. 6 */
     bool any_provisional;
     int mean_low_nm, mean_high_nm;
-    const char *model;                         /* lambert | oren-nayar | eq1 | composite */
+    const char *model;                         /* reflectance_name */
     struct estimate_trace *trace;              /* filled where not NULL */
     double source_width_deg, sensor_width_deg; /* angular, full (fit/aperture.h) */
 };

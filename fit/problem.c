@@ -125,7 +125,7 @@ static struct aperture_form form_of(const struct estimate_input *in) {
 }
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
-    *p = (struct problem){.n = input->n, .input = input, .kappa = input->kappa, .q = 1};
+    *p = (struct problem){.n = input->n, .input = input, .optics = {.kappa = input->kappa, .q = 1}};
     int status = reflectance_find(input->model, &p->model, e);
     if (status || (status = check_input(input, e))) {
         return status;
@@ -160,8 +160,7 @@ void problem_free(struct problem *p) {
 }
 
 int problem_evaluate(struct problem *p, const double *value, struct err *e) {
-    return aperture_eval(&p->aperture, 0, p->n, p->model, value, p->kappa, p->q, p->model_beta, p->gradient,
-                         e);
+    return aperture_eval(&p->aperture, 0, p->n, p->model, value, &p->optics, p->model_beta, p->gradient, e);
 }
 
 double problem_chi2(const struct problem *p) {
@@ -176,8 +175,8 @@ double problem_chi2(const struct problem *p) {
 /* Slope over a step that stays inside the domain: across a kink of G it is the mean of both sides, which is
  * what a small random displacement sees. */
 static int slope_along(const struct aperture_form *form, enum reflectance_model model, const double *value,
-                       double kappa_q, double theta_i_deg, double theta_v_deg, double di, double dv,
-                       double *slope, struct err *e) {
+                       const struct reflectance_optics *optics, double theta_i_deg, double theta_v_deg,
+                       double di, double dv, double *slope, struct err *e) {
     const double step_deg = 1e-4; /* smaller than any lobe, larger than rounding: error about 1e-8 relative */
     double beta[2], span = 0;
     for (int side = 0; side < 2; side++) {
@@ -188,7 +187,7 @@ static int slope_along(const struct aperture_form *form, enum reflectance_model 
             v_deg = theta_v_deg;
             h = 0;
         }
-        int status = aperture_at(form, i_deg, v_deg, model, value, kappa_q, 1, &beta[side], NULL, e);
+        int status = aperture_at(form, i_deg, v_deg, model, value, optics, &beta[side], NULL, e);
         if (status) {
             return status;
         }
@@ -199,13 +198,12 @@ static int slope_along(const struct aperture_form *form, enum reflectance_model 
 }
 
 int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model model, const double *value,
-                        double kappa_q, double theta_i_deg, double theta_v_deg, bool mirrored, double *source,
-                        double *sample, struct err *e) {
+                        const struct reflectance_optics *optics, double theta_i_deg, double theta_v_deg,
+                        bool mirrored, double *source, double *sample, struct err *e) {
     double sign = mirrored ? -1 : 1;
-    int status = slope_along(form, model, value, kappa_q, theta_i_deg, theta_v_deg, sign, 0, source, e);
-    return status
-               ? status
-               : slope_along(form, model, value, kappa_q, theta_i_deg, theta_v_deg, -sign, sign, sample, e);
+    int status = slope_along(form, model, value, optics, theta_i_deg, theta_v_deg, sign, 0, source, e);
+    return status ? status
+                  : slope_along(form, model, value, optics, theta_i_deg, theta_v_deg, -sign, sign, sample, e);
 }
 
 /* How u_ind^2 runs with beta over the set, a + c beta^2 by least squares of relative deviations: it carries
@@ -255,9 +253,9 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
         noise_law(p, &a, &c);
     }
     for (size_t i = 0; i < p->n; i++) {
-        int status = problem_axis_slopes(
-            &p->aperture.form, p->model, value, p->kappa * p->q, in->theta_i_deg[i], in->theta_v_deg[i],
-            in->mirrored && in->mirrored[i], &p->slope_source[i], &p->slope_sample[i], e);
+        int status = problem_axis_slopes(&p->aperture.form, p->model, value, &p->optics, in->theta_i_deg[i],
+                                         in->theta_v_deg[i], in->mirrored && in->mirrored[i],
+                                         &p->slope_source[i], &p->slope_sample[i], e);
         if (status) {
             return status;
         }

@@ -30,7 +30,7 @@ struct problem {
     double *spot_source, *spot_sample;   /* [n] what a zero moves through K (fit/spot.h); 0 at first */
     double *model_beta;                  /* [n] of the last evaluation */
     double *gradient;                    /* [n * k] with respect to the parameters, of the same */
-    double kappa, q;
+    struct reflectance_optics optics;
 };
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e);
@@ -42,8 +42,8 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e);
 double problem_chi2(const struct problem *p); /* of the last evaluation, with the weights of the fit */
 
 int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model model, const double *value,
-                        double kappa_q, double theta_i_deg, double theta_v_deg, bool mirrored, double *source,
-                        double *sample, struct err *e);
+                        const struct reflectance_optics *optics, double theta_i_deg, double theta_v_deg,
+                        bool mirrored, double *source, double *sample, struct err *e);
 
 #ifdef __cplusplus
 }

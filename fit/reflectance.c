@@ -1,24 +1,203 @@
 #include "fit/reflectance.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
 
-#include "proto/units.h"
+#include "fit/fresnel.h"
+#include "fit/lobe.h"
 
 #define HIGHEST 1e50 /* keeps every product of parameters below overflow */
 
+/* x^2 / (x^2 + a) and its derivative: the saturating factors of Oren and Nayar. */
+struct saturation {
+    double value, slope;
+};
+
+struct roughness { /* everything of Oren and Nayar that depends on sigma alone */
+    struct saturation h, k, j;
+};
+
+struct surface { /* what one evaluation needs of the parameters, once for all points */
+    const double *value;
+    struct roughness rough;
+    struct lobe_tail tail;
+    double kappa_q, polarisation;
+    double t0, t0_log; /* T(0) of n_d and d ln T(0) / d n_d */
+};
+
+/* A part of beta at one point; into slope[] (by enum material_parameter, or NULL) its derivatives. */
+typedef void diffuse_part(const struct surface *x, const struct reflectance_geometry *g,
+                          struct reflectance_parts *parts, double *slope);
+typedef double specular_part(const struct surface *x, const struct reflectance_geometry *g, double *slope);
+
+static struct saturation saturate(double sigma, double a) {
+    double s2 = sigma * sigma, sum = s2 + a;
+    return (struct saturation){1 / (1 + a / s2), 2 * sigma * (a / sum) / sum}; /* sigma^2 may be 0 or inf */
+}
+
+static struct roughness roughness_of(double sigma) {
+    return (struct roughness){saturate(sigma, 0.33), saturate(sigma, 0.09), saturate(sigma, 0.13)};
+}
+
+void reflectance_diffuse_factors(const struct reflectance_geometry *g, double sigma, double *l1, double *l2) {
+    struct roughness r = roughness_of(sigma);
+    *l1 = 1 - 0.5 * r.h.value + r.k.value * g->direct;
+    *l2 = r.j.value * g->interreflection;
+}
+
+static void lambert(const struct surface *x, const struct reflectance_geometry *g,
+                    struct reflectance_parts *parts, double *slope) {
+    (void)g;
+    parts->diffuse = x->value[MATERIAL_S];
+    if (slope) {
+        slope[MATERIAL_S] = 1;
+    }
+}
+
+static void oren_nayar(const struct surface *x, const struct reflectance_geometry *g,
+                       struct reflectance_parts *parts, double *slope) {
+    const struct roughness *r = &x->rough;
+    double s = x->value[MATERIAL_S];
+    double l1 = 1 - 0.5 * r->h.value + r->k.value * g->direct;
+    double l2 = x->kappa_q * r->j.value * g->interreflection;
+    parts->diffuse = s * l1;
+    parts->interreflection = s * s * l2;
+    if (slope) {
+        slope[MATERIAL_S] = l1 + 2 * s * l2;
+        slope[MATERIAL_SIGMA] = s * (-0.5 * r->h.slope + r->k.slope * g->direct) +
+                                s * s * x->kappa_q * r->j.slope * g->interreflection;
+    }
+}
+
+/* What was scattered below the surface has passed it twice: Oren and Nayar's part times T T / T(0)^2. */
+static void transmitted(const struct surface *x, const struct reflectance_geometry *g,
+                        struct reflectance_parts *parts, double *slope) {
+    double log_high, log_low, n_d = x->value[MATERIAL_EXTRA_1];
+    double high = fresnel_transmittance(g->cos_high, n_d, &log_high) / x->t0;
+    double low = fresnel_transmittance(g->cos_low, n_d, &log_low) / x->t0;
+    oren_nayar(x, g, parts, slope);
+    parts->diffuse *= high * low;
+    parts->interreflection *= high * low;
+    if (slope) {
+        slope[MATERIAL_S] *= high * low;
+        slope[MATERIAL_SIGMA] *= high * low;
+        slope[MATERIAL_EXTRA_1] =
+            (parts->diffuse + parts->interreflection) * ((log_high - x->t0_log) + (log_low - x->t0_log));
+    }
+}
+
+static double no_lobe(const struct surface *x, const struct reflectance_geometry *g, double *slope) {
+    (void)x;
+    (void)g;
+    (void)slope;
+    return 0;
+}
+
+/* Where D reached 0 its slopes did so before: 0 times their logarithm, which may be infinite, is avoided. */
+static double scaled(double size, double log_slope) {
+    return size > 0 ? size * log_slope : 0;
+}
+
+static double one_lobe(const struct surface *x, const struct reflectance_geometry *g, const struct lobe *d,
+                       double *slope) {
+    double f_slope,
+        f = fresnel_reflectance(g->cos_q, g->sin2_q, x->value[MATERIAL_N], x->polarisation, &f_slope);
+    double amplitude = x->value[MATERIAL_BETA_PRIME];
+    double lobe = d->value * g->visibility, unit = lobe * f;
+    if (slope) {
+        slope[MATERIAL_GAMMA] = scaled(amplitude * unit, d->by_gamma);
+        slope[MATERIAL_BETA_PRIME] = unit;
+        slope[MATERIAL_N] = amplitude * lobe * f_slope;
+    }
+    return amplitude * unit;
+}
+
+static double gaussian(const struct surface *x, const struct reflectance_geometry *g, double *slope) {
+    struct lobe d = lobe_gaussian(g->phi_rad, x->value[MATERIAL_GAMMA]);
+    return one_lobe(x, g, &d, slope);
+}
+
+static double heavy_tail(const struct surface *x, const struct reflectance_geometry *g, double *slope) {
+    struct lobe d = lobe_tailed(&x->tail, g->phi_rad, x->value[MATERIAL_GAMMA]);
+    double specular = one_lobe(x, g, &d, slope);
+    if (slope) {
+        slope[MATERIAL_EXTRA_1] = scaled(specular, d.by_tail);
+    }
+    return specular;
+}
+
+static double two_lobes(const struct surface *x, const struct reflectance_geometry *g, double *slope) {
+    struct lobe d = lobe_gaussian(g->phi_rad, x->value[MATERIAL_GAMMA]);
+    struct lobe d2 = lobe_gaussian(g->phi_rad, x->value[MATERIAL_EXTRA_1]);
+    double amplitude = x->value[MATERIAL_BETA_PRIME], amplitude_2 = x->value[MATERIAL_EXTRA_2];
+    double f_slope,
+        f = fresnel_reflectance(g->cos_q, g->sin2_q, x->value[MATERIAL_N], x->polarisation, &f_slope);
+    double unit = d.value * g->visibility * f, unit_2 = d2.value * g->visibility * f;
+    if (slope) {
+        slope[MATERIAL_GAMMA] = scaled(amplitude * unit, d.by_gamma);
+        slope[MATERIAL_BETA_PRIME] = unit;
+        slope[MATERIAL_N] = (amplitude * d.value + amplitude_2 * d2.value) * g->visibility * f_slope;
+        slope[MATERIAL_EXTRA_1] = scaled(amplitude_2 * unit_2, d2.by_gamma);
+        slope[MATERIAL_EXTRA_2] = unit_2;
+    }
+    return amplitude * unit + amplitude_2 * unit_2;
+}
+
+#define DIFFUSE_KINDS [MATERIAL_S] = REFLECTANCE_ALBEDO, [MATERIAL_SIGMA] = REFLECTANCE_ROUGHNESS
+#define LOBE_KINDS                                                                                           \
+    [MATERIAL_GAMMA] = REFLECTANCE_WIDTH, [MATERIAL_BETA_PRIME] = REFLECTANCE_HEIGHT,                        \
+    [MATERIAL_N] = REFLECTANCE_INDEX
+#define COMPOSITE_COLUMNS MATERIAL_S, MATERIAL_SIGMA, MATERIAL_GAMMA, MATERIAL_BETA_PRIME, MATERIAL_N
+
 static const struct {
     const char *name;
+    diffuse_part *diffuse;
+    specular_part *specular;
     int k;
-    enum material_parameter parameter[5];
+    enum material_parameter parameter[MATERIAL_PARAMETERS];
+    enum reflectance_kind kind[MATERIAL_PARAMETERS]; /* by enum material_parameter */
 } models[REFLECTANCE_MODELS] = {
-    [REFLECTANCE_LAMBERT] = {"lambert", 1, {MATERIAL_S}},
-    [REFLECTANCE_OREN_NAYAR] = {"oren-nayar", 2, {MATERIAL_S, MATERIAL_SIGMA}},
-    [REFLECTANCE_EQ1] = {"eq1", 4, {MATERIAL_S, MATERIAL_GAMMA, MATERIAL_BETA_PRIME, MATERIAL_N}},
-    [REFLECTANCE_COMPOSITE] = {"composite",
-                               5,
-                               {MATERIAL_S, MATERIAL_SIGMA, MATERIAL_GAMMA, MATERIAL_BETA_PRIME, MATERIAL_N}},
+    [REFLECTANCE_LAMBERT] = {"lambert", lambert, no_lobe, 1, {MATERIAL_S}, {DIFFUSE_KINDS}},
+    [REFLECTANCE_OREN_NAYAR] =
+        {"oren-nayar", oren_nayar, no_lobe, 2, {MATERIAL_S, MATERIAL_SIGMA}, {DIFFUSE_KINDS}},
+    [REFLECTANCE_EQ1] = {"eq1",
+                         lambert,
+                         gaussian,
+                         4,
+                         {MATERIAL_S, MATERIAL_GAMMA, MATERIAL_BETA_PRIME, MATERIAL_N},
+                         {DIFFUSE_KINDS, LOBE_KINDS}},
+    [REFLECTANCE_COMPOSITE] =
+        {"composite", oren_nayar, gaussian, 5, {COMPOSITE_COLUMNS}, {DIFFUSE_KINDS, LOBE_KINDS}},
+    [REFLECTANCE_HEAVY_TAIL] = {"heavy-tail",
+                                oren_nayar,
+                                heavy_tail,
+                                6,
+                                {COMPOSITE_COLUMNS, MATERIAL_EXTRA_1},
+                                {DIFFUSE_KINDS, LOBE_KINDS, [MATERIAL_EXTRA_1] = REFLECTANCE_TAIL}},
+    [REFLECTANCE_TRANSMITTED] = {"transmitted",
+                                 transmitted,
+                                 gaussian,
+                                 6,
+                                 {COMPOSITE_COLUMNS, MATERIAL_EXTRA_1},
+                                 {DIFFUSE_KINDS, LOBE_KINDS, [MATERIAL_EXTRA_1] = REFLECTANCE_TRANSMISSION}},
+    [REFLECTANCE_TWO_LOBE] =
+        {"two-lobe",
+         oren_nayar,
+         two_lobes,
+         7,
+         {COMPOSITE_COLUMNS, MATERIAL_EXTRA_1, MATERIAL_EXTRA_2},
+         {DIFFUSE_KINDS,
+          LOBE_KINDS, [MATERIAL_EXTRA_1] = REFLECTANCE_WIDTH, [MATERIAL_EXTRA_2] = REFLECTANCE_HEIGHT}},
+};
+
+static const struct {
+    double low, high;
+    bool low_inside;
+} domains[] = {
+    [REFLECTANCE_ALBEDO] = {0, HIGHEST, true},       [REFLECTANCE_ROUGHNESS] = {0, HIGHEST, false},
+    [REFLECTANCE_WIDTH] = {0, HIGHEST, false},       [REFLECTANCE_HEIGHT] = {0, HIGHEST, true},
+    [REFLECTANCE_INDEX] = {1, HIGHEST, false},       [REFLECTANCE_TAIL] = {0, 2, true},
+    [REFLECTANCE_TRANSMISSION] = {1, HIGHEST, true},
 };
 
 int reflectance_find(const char *name, enum reflectance_model *model, struct err *e) {
@@ -28,8 +207,11 @@ int reflectance_find(const char *name, enum reflectance_model *model, struct err
             return 0;
         }
     }
-    return err_set(e, ERR_USAGE, "there is no model '%s'; known are lambert, oren-nayar, eq1 and composite",
-                   name);
+    return err_set(
+        e, ERR_USAGE,
+        "there is no model '%s'; known are lambert, oren-nayar, eq1, composite, heavy-tail, transmitted "
+        "and two-lobe",
+        name);
 }
 
 const char *reflectance_name(enum reflectance_model model) {
@@ -44,212 +226,111 @@ enum material_parameter reflectance_parameter(enum reflectance_model model, int 
     return models[model].parameter[column];
 }
 
-/* Sine and cosine of x in [0, 90] deg from whichever of x and its complement keeps the digits: near 90 deg
- * the radian of x has lost them. */
-static double sin_deg(double x_deg, double complement_deg) {
-    return x_deg <= 45 ? sin(rad_from_deg(x_deg)) : cos(rad_from_deg(complement_deg));
+enum reflectance_kind reflectance_kind(enum reflectance_model model, enum material_parameter parameter) {
+    return models[model].kind[parameter];
 }
 
-static double cos_deg(double x_deg, double complement_deg) {
-    return sin_deg(complement_deg, x_deg);
-}
-
-/* cos(dphi) C2 tan(beta_) / k; high = alpha, low = beta_ of Oren and Nayar (reflection-model.md 2.2). */
-static double direct_term(double high_deg, double low_deg, bool forward) {
-    double rest_deg = 90 - low_deg;
-    double tangent = low_deg > 45 ? 1 / tan(rad_from_deg(rest_deg)) : tan(rad_from_deg(low_deg));
-    double sine = sin_deg(high_deg, 90 - high_deg);
-    if (!forward) {
-        return 0.45 * sine * tangent;
-    }
-    double u = low_deg / 90, v = rest_deg / 90;
-    if (low_deg <= 45) {
-        return -0.45 * (sine - u * u * u) * tangent;
-    }
-    /* Both angles towards 90 deg: 0 times infinity in the plain form, 6 / pi in this one. */
-    double half = sin(rad_from_deg(90 - high_deg) / 2);
-    return -0.45 * (v * (3 - 3 * v + v * v) - 2 * half * half) * tangent;
-}
-
-/* G / (cos cos) in one piece: taken apart it is 0 / 0 at grazing. */
-static double visibility(double cos_i, double cos_r, double cos_q) {
-    double shadowed = (1 + fmin(cos_i, cos_r) / fmax(cos_i, cos_r)) / (cos_q * cos_q);
-    return fmin(1 / (cos_i * cos_r), shadowed);
-}
-
-int reflectance_geometry(struct reflectance_geometry *g, double theta_i_deg, double theta_v_deg,
-                         struct err *e) {
-    if (!(theta_i_deg >= 0 && theta_i_deg < 90 && fabs(theta_v_deg) < 90)) {
-        return err_set(
-            e, ERR_RANGE,
-            "incidence %g deg, viewing %g deg is outside the model, which needs 0 <= theta_i < 90 and "
-            "-90 < theta_v < 90",
-            theta_i_deg, theta_v_deg);
-    }
-    /* Along the normal there are no sides; one formula then serves both, and exchange keeps its bits. */
-    bool forward = theta_v_deg > 0 && theta_i_deg > 0;
-    double theta_r_deg = fabs(theta_v_deg);
-    double high_deg = fmax(theta_i_deg, theta_r_deg), low_deg = fmin(theta_i_deg, theta_r_deg);
-    /* In plane the half angles are exact sums: which of the two is phi depends on the side. */
-    double sum_deg = (high_deg + low_deg) / 2, difference_deg = (high_deg - low_deg) / 2;
-    double sum_rest_deg = ((90 - high_deg) + (90 - low_deg)) / 2;
-    double q_deg = forward ? sum_deg : difference_deg;
-    double q_rest_deg = forward ? sum_rest_deg : 90 - difference_deg;
-    double sin_q = sin_deg(q_deg, q_rest_deg);
-    double u = low_deg / 90;
-    g->phi_rad = rad_from_deg(forward ? difference_deg : sum_deg);
-    g->cos_q = cos_deg(q_deg, q_rest_deg);
-    g->sin2_q = sin_q * sin_q;
-    g->visibility =
-        visibility(cos_deg(theta_i_deg, 90 - theta_i_deg), cos_deg(theta_r_deg, 90 - theta_r_deg), g->cos_q);
-    g->direct = direct_term(high_deg, low_deg, forward);
-    g->interreflection = 0.17 * (forward ? 1 + u * u : (90 - low_deg) / 90 * (1 + u));
-    return 0;
-}
-
-/* x^2 / (x^2 + a) and its derivative: the saturating factors of Oren and Nayar. */
-struct saturation {
-    double value, slope;
-};
-
-static struct saturation saturate(double sigma, double a) {
-    double s2 = sigma * sigma, sum = s2 + a;
-    return (struct saturation){1 / (1 + a / s2), 2 * sigma * (a / sum) / sum}; /* sigma^2 may be 0 or inf */
-}
-
-struct roughness { /* everything of Oren and Nayar that depends on sigma alone */
-    struct saturation h, k, j;
-};
-
-static struct roughness roughness_of(double sigma) {
-    return (struct roughness){saturate(sigma, 0.33), saturate(sigma, 0.09), saturate(sigma, 0.13)};
-}
-
-void reflectance_diffuse_factors(const struct reflectance_geometry *g, double sigma, double *l1, double *l2) {
-    struct roughness r = roughness_of(sigma);
-    *l1 = 1 - 0.5 * r.h.value + r.k.value * g->direct;
-    *l2 = r.j.value * g->interreflection;
-}
-
-double reflectance_fresnel(double cos_q, double sin2_q, double n, double *slope) {
-    double n2_1 = (n - 1) * (n + 1), c = cos_q, s2 = sin2_q;
-    double root = sqrt(n2_1 + c * c), sum = root + c, cr = c * root;
-    double r = n2_1 / (sum * sum), rs = r * r;
-    double t = (cr - s2) / (cr + s2);
-    /* 2n/(n^2-1) - 2n/(q(q+c)) = 2nc/(q(n^2-1)): the difference is taken on paper, it cancels for n near 1.
-     */
-    double rs_slope = 4 * n * c * r / (root * sum * sum);
-    double t_slope = 2 * s2 * c * (n / root) / ((cr + s2) * (cr + s2));
-    *slope = 0.5 * rs_slope * (1 + t * t) + rs * t * t_slope;
-    return 0.5 * rs * (1 + t * t);
-}
-
-/* One row of the specular term: its value and, where asked for, d/dgamma, d/dbeta', d/dn. */
-static double specular_of(const struct reflectance_geometry *g, const double *value, double *slope) {
-    double gamma = value[MATERIAL_GAMMA], amplitude = value[MATERIAL_BETA_PRIME];
-    double widths = g->phi_rad / gamma, log_d = -M_LN2 * widths * widths;
-    double lobe = exp(log_d) * g->visibility;
-    double f_slope, f = reflectance_fresnel(g->cos_q, g->sin2_q, value[MATERIAL_N], &f_slope);
-    double unit = lobe * f;
-    if (slope) {
-        slope[0] =
-            unit > 0 ? amplitude * unit * (-2 * log_d / gamma) : 0; /* exp reached 0: so has its slope */
-        slope[1] = unit;
-        slope[2] = amplitude * lobe * f_slope;
-    }
-    return amplitude * unit;
-}
-
-static bool has_roughness(enum reflectance_model model) {
-    return model == REFLECTANCE_OREN_NAYAR || model == REFLECTANCE_COMPOSITE;
-}
-
-static bool has_specular(enum reflectance_model model) {
-    return model == REFLECTANCE_EQ1 || model == REFLECTANCE_COMPOSITE;
-}
-
-static int check_domain(enum reflectance_model model, const double *value, double kappa, double q,
-                        struct err *e) {
-    static const double lowest[] = {[MATERIAL_N] = 1};
-    static const bool may_be_lowest[] = {
-        [MATERIAL_S] = true, [MATERIAL_BETA_PRIME] = true, [MATERIAL_N] = false};
+int reflectance_column(enum reflectance_model model, enum material_parameter parameter) {
     for (int j = 0; j < models[model].k; j++) {
-        enum material_parameter p = models[model].parameter[j];
-        bool inside =
-            value[p] <= HIGHEST && (may_be_lowest[p] ? value[p] >= lowest[p] : value[p] > lowest[p]);
-        if (!inside) {
-            return err_set(e, ERR_RANGE,
-                           "parameter %d of the model %s is %g; it must be %s %g and at most 1e50", (int)p,
-                           models[model].name, value[p], may_be_lowest[p] ? ">=" : ">", lowest[p]);
+        if (models[model].parameter[j] == parameter) {
+            return j;
         }
     }
+    return -1;
+}
+
+static int check_domain(enum reflectance_model model, const double *value,
+                        const struct reflectance_optics *optics, struct err *e) {
+    for (int j = 0; j < models[model].k; j++) {
+        enum material_parameter p = models[model].parameter[j];
+        enum reflectance_kind kind = models[model].kind[p];
+        double low = domains[kind].low, high = domains[kind].high;
+        if (!(value[p] <= high && (domains[kind].low_inside ? value[p] >= low : value[p] > low))) {
+            return err_set(e, ERR_RANGE, "%s of the model %s is %g; it must be %s %g and at most %g",
+                           material_parameter_name(models[model].name, (int)p), models[model].name, value[p],
+                           domains[kind].low_inside ? ">=" : ">", low, high);
+        }
+    }
+    double kappa = optics->kappa, q = optics->q;
     if (!(kappa >= 0 && q >= 0 && kappa <= HIGHEST && q <= HIGHEST)) {
         return err_set(e, ERR_RANGE, "kappa is %g and q %g; both must be in 0 .. 1e50", kappa, q);
     }
+    if (!(fabs(optics->polarisation) <= 1)) {
+        return err_set(e, ERR_RANGE, "the polarisation is %g; it must be in -1 .. 1", optics->polarisation);
+    }
     return 0;
 }
 
-struct surface { /* what one evaluation needs of the parameters, once for all points */
-    const double *value;
-    struct roughness rough;
-    double s, kappa_q;
-};
-
-static double diffuse_row(const struct surface *x, const struct reflectance_geometry *g, double *row) {
-    const struct roughness *r = &x->rough;
-    double l1 = 1 - 0.5 * r->h.value + r->k.value * g->direct;
-    double l2 = x->kappa_q * r->j.value * g->interreflection;
-    if (row) {
-        row[0] = l1 + 2 * x->s * l2;
-        row[1] = x->s * (-0.5 * r->h.slope + r->k.slope * g->direct) +
-                 x->s * x->s * x->kappa_q * r->j.slope * g->interreflection;
-    }
-    return x->s * l1 + x->s * x->s * l2;
+static bool has(enum reflectance_model model, enum material_parameter p, enum reflectance_kind kind) {
+    return reflectance_column(model, p) >= 0 && models[model].kind[p] == kind;
 }
 
-int reflectance_eval(enum reflectance_model model, size_t n, const struct reflectance_geometry *g,
-                     const double *value, double kappa, double q, double *beta, double *gradient,
-                     struct err *e) {
-    int status = check_domain(model, value, kappa, q, e);
+static int prepare(struct surface *x, enum reflectance_model model, const double *value,
+                   const struct reflectance_optics *optics, struct err *e) {
+    int status = check_domain(model, value, optics, e);
     if (status) {
         return status;
     }
-    bool rough = has_roughness(model), specular = has_specular(model);
-    struct surface x = {.value = value, .s = value[MATERIAL_S], .kappa_q = kappa * q};
-    if (rough) {
-        x.rough = roughness_of(value[MATERIAL_SIGMA]);
+    *x = (struct surface){
+        .value = value, .kappa_q = optics->kappa * optics->q, .polarisation = optics->polarisation};
+    if (has(model, MATERIAL_SIGMA, REFLECTANCE_ROUGHNESS)) {
+        x->rough = roughness_of(value[MATERIAL_SIGMA]);
     }
-    int k = models[model].k;
+    if (has(model, MATERIAL_EXTRA_1, REFLECTANCE_TAIL)) {
+        x->tail = lobe_tail_of(value[MATERIAL_EXTRA_1]);
+    }
+    if (has(model, MATERIAL_EXTRA_1, REFLECTANCE_TRANSMISSION)) {
+        x->t0 = fresnel_transmittance_normal(value[MATERIAL_EXTRA_1], &x->t0_log);
+    }
+    return 0;
+}
+
+int reflectance_eval(enum reflectance_model model, size_t n, const struct reflectance_geometry *g,
+                     const double *value, const struct reflectance_optics *optics, double *beta,
+                     double *gradient, struct err *e) {
+    struct surface x;
+    int k = models[model].k, status = prepare(&x, model, value, optics, e);
+    if (status) {
+        return status;
+    }
     for (size_t i = 0; i < n; i++) {
-        double *row = gradient ? gradient + i * (size_t)k : NULL;
-        if (rough) {
-            beta[i] = diffuse_row(&x, &g[i], row);
-        } else {
-            beta[i] = x.s;
-            if (row) {
-                row[0] = 1;
-            }
-        }
-        if (specular) {
-            beta[i] += specular_of(&g[i], value, row ? row + (rough ? 2 : 1) : NULL);
+        struct reflectance_parts parts = {0};
+        double slope[MATERIAL_PARAMETERS], *into = gradient ? slope : NULL;
+        models[model].diffuse(&x, &g[i], &parts, into);
+        beta[i] = parts.diffuse + parts.interreflection + models[model].specular(&x, &g[i], into);
+        for (int j = 0; gradient && j < k; j++) {
+            gradient[i * (size_t)k + (size_t)j] = slope[models[model].parameter[j]];
         }
     }
     return 0;
 }
 
 int reflectance_eval_parts(enum reflectance_model model, const struct reflectance_geometry *g,
-                           const double *value, double kappa, double q, struct reflectance_parts *parts,
-                           struct err *e) {
-    int status = check_domain(model, value, kappa, q, e);
+                           const double *value, const struct reflectance_optics *optics,
+                           struct reflectance_parts *parts, struct err *e) {
+    struct surface x;
+    int status = prepare(&x, model, value, optics, e);
     if (status) {
         return status;
     }
-    double l1 = 1, l2 = 0, s = value[MATERIAL_S];
-    if (has_roughness(model)) {
-        reflectance_diffuse_factors(g, value[MATERIAL_SIGMA], &l1, &l2);
-    }
-    parts->diffuse = s * l1;
-    parts->interreflection = kappa * q * s * s * l2;
-    parts->specular = has_specular(model) ? specular_of(g, value, NULL) : 0;
+    *parts = (struct reflectance_parts){0};
+    models[model].diffuse(&x, g, parts, NULL);
+    parts->specular = models[model].specular(&x, g, NULL);
     return 0;
+}
+
+/* The specular part is linear in F, and F in P: its slope is the part with dF / dP in place of F. */
+int reflectance_polarisation_slope(enum reflectance_model model, size_t n,
+                                   const struct reflectance_geometry *g, const double *value, double *slope,
+                                   struct err *e) {
+    static const struct reflectance_optics unpolarised = {.kappa = 1, .q = 1};
+    struct surface x;
+    int status = prepare(&x, model, value, &unpolarised, e);
+    for (size_t i = 0; i < n && !status; i++) {
+        double f_slope, n_of = value[MATERIAL_N], specular = models[model].specular(&x, &g[i], NULL);
+        slope[i] = specular > 0 ? specular * (fresnel_polarisation_slope(g[i].cos_q, g[i].sin2_q, n_of) /
+                                              fresnel_reflectance(g[i].cos_q, g[i].sin2_q, n_of, 0, &f_slope))
+                                : 0;
+    }
+    return status;
 }

@@ -13,7 +13,7 @@
  *                           in order; without bands, every band changes in proportion to the mean
  *     drift                 list of {bracket_points: [indices], tau_us: [..], tau_r_us: [..] (0), T_us (null or
  *                           0 = not closed), rate}: one a bracket, relative variance per second
- *     model                 lambert | oren-nayar | eq1 | composite ("composite")
+ *     model                 any of reflectance_name ("composite")
  *     mean_nm               [400, 700]
  *     kappa                 1
  *     q_is_one, unweighted  false

@@ -25,7 +25,7 @@ class Residuals : public ceres::CostFunction {
             point[j] = *x[j];
         }
         coordinates_to_value(p_->model, point, value);
-        if (aperture_eval(&p_->aperture, 0, p_->n, p_->model, value, p_->kappa, p_->q, beta_.data(),
+        if (aperture_eval(&p_->aperture, 0, p_->n, p_->model, value, &p_->optics, beta_.data(),
                           jacobians ? gradient_.data() : nullptr, nullptr)) {
             return false;
         }

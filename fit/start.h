@@ -1,7 +1,7 @@
 /*
  * start.h — where a fit begins: a few points of the parameter space that already look like the data.
  *
- * For a coarse grid of sigma and gamma (n = 1.5) the model is linear in S and A; the best of them, one for
+ * For a coarse grid of sigma, gamma (n = 1.5) and what a richer model adds, the model is linear in S and A; the best of them, one for
  * each gamma, are the starts. With model-true data every start reaches the same minimum; the danger is a lobe
  * that falls between the samples, and for that two or three widths are enough (reflection-model.md 3.4).
  * Checked    tests/unit/test_estimate.c

@@ -231,13 +231,17 @@ void band_rows(const struct problem *p, const double *value, const Matrix &j, st
         normal += f->weight[i] * slope * slope;
     }
     *own /= normal;
+    const double mean = value[MATERIAL_S];
     for (int c = 0; c < p->k; c++) {
         const enum material_parameter parameter = reflectance_parameter(p->model, c);
         for (size_t i = 0; parameter != MATERIAL_S && i < p->n; i++) {
             const struct bandfit_point *x = &f->point[i];
-            const double slope = parameter == MATERIAL_SIGMA
-                                     ? (s * x->l1_slope + s * s * x->l2_slope) * value[MATERIAL_SIGMA]
-                                     : j(i, c); /* the lobe is the mean's */
+            double slope = j(i, c); /* the lobe is the mean's */
+            if (parameter == MATERIAL_SIGMA) {
+                slope = (s * x->l1_slope + s * s * x->l2_slope) * value[MATERIAL_SIGMA];
+            } else if (reflectance_kind(p->model, parameter) == REFLECTANCE_TRANSMISSION) {
+                slope *= (s * x->l1 + s * s * x->l2) / (mean * x->l1 + p->optics.q * mean * mean * x->l2);
+            }
             (*shared)(c) -= (*own)(i)*slope;
         }
     }

@@ -17,8 +17,6 @@ constexpr double U_LN_MAX = 0.5;
 constexpr double AT_BOUND = 1e-7;           /* in coordinates; the solver stops exactly on a bound */
 constexpr double Z_95 = 1.6448536269514722; /* one-sided */
 
-const char *const parameter_names[] = {"S", "sigma", "gamma", "beta'", "n"};
-
 class Verdict {
   public:
     Verdict(struct settled *fit, struct estimate *out)
@@ -51,7 +49,8 @@ class Verdict {
         return reflectance_parameter(p_->model, column);
     }
     const char *name(int column) const {
-        return parameter_names[parameter(column)];
+        const enum material_parameter at = parameter(column);
+        return at == MATERIAL_BETA_PRIME ? "beta'" : material_parameter_name(out_->model, at);
     }
 
     struct settled *fit_;
@@ -134,7 +133,7 @@ int Verdict::fill_quality(struct err *e) {
     out_->chi2 = in_->u_ind ? scaled : n - k_;
     out_->bic = (in_->u_ind ? scaled : n * std::log(std::max(scaled / n, 1e-300))) + k_ * std::log(n);
     out_->r2 = quality_r2(p_);
-    out_->q = p_->q;
+    out_->q = p_->optics.q;
     if (has(MATERIAL_BETA_PRIME)) {
         out_->specular_energy =
             quality_specular_energy(fit_->value[MATERIAL_BETA_PRIME], fit_->value[MATERIAL_GAMMA]);
@@ -171,8 +170,9 @@ void Verdict::add_shift(int column, const double *x_at_limit) {
     coordinates_to_value(p_->model, x_at_limit, moved);
     for (int j = 0; j < k_; j++) {
         if (j != column && free_[j]) {
-            const double value = out_->value[parameter(j)];
-            shift[parameter(j)] = value * std::log(moved[parameter(j)] / value) / Z_95;
+            const double value = out_->value[parameter(j)], size = moved[parameter(j)];
+            const bool linear = reflectance_kind(p_->model, parameter(j)) == REFLECTANCE_TAIL;
+            shift[parameter(j)] = (linear ? size - value : value * std::log(size / value)) / Z_95;
         }
     }
     for (int a = 0; a < MATERIAL_PARAMETERS; a++) {
@@ -212,7 +212,7 @@ void Verdict::clear_bound_rows() {
 
 double Verdict::relative_u(int column) const {
     const enum material_parameter at = parameter(column);
-    const double size = at == MATERIAL_N ? out_->value[at] - 1 : out_->value[at];
+    const double size = coordinates_scale(p_->model, out_->value, column);
     return std::sqrt(out_->statistical[at][at] + out_->common[at][at]) / size;
 }
 

@@ -22,6 +22,10 @@
 #include "proto/bands.h"
 #include "proto/err.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define MATERIAL_PARAMETERS 8
 #define MATERIAL_WARNINGS 12
 
@@ -74,5 +78,9 @@ int estimate_from_json(const json_t *json, struct estimate *estimate, struct err
 /* The "parameters" object alone: {"S", "sigma", ..., "kappa", "q", "mean_nm"} into value, kappa, q and the
  * wavelength range. estimate->model says which are required; kappa and q default to 1, mean_nm to 400-700. */
 int estimate_parameters_from_json(const json_t *parameters, struct estimate *estimate, struct err *e);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

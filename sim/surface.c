@@ -12,9 +12,10 @@ void surface_factors(const struct sim_surface *surface, double theta_i_deg, doub
                                          [MATERIAL_N] = surface->n};
     struct reflectance_geometry g;
     struct reflectance_parts parts;
+    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
     *f = (struct surface_factors){0};
     if (reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL) != 0 ||
-        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, 1, 1, &parts, NULL) != 0)
+        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, &optics, &parts, NULL) != 0)
         return;
     *f = (struct surface_factors){parts.diffuse, parts.interreflection, parts.specular};
 }

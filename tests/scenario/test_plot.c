@@ -20,10 +20,11 @@ static const double TRUTH[2][DATASET_PARAMETERS] = {{.12, .20, .20, 15.7, 1.70},
 static char folder[64], path[2][128];
 
 static void fill_point(struct point *p, const double *value, double theta_i_deg, double theta_v_deg) {
+    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
     struct reflectance_geometry g;
     double beta;
     assert_int_equal(reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 1, &beta, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &optics, &beta, NULL, NULL), 0);
     p->theta_i_udeg = udeg_from_deg(theta_i_deg);
     p->theta_v_udeg = udeg_from_deg(theta_v_deg);
     p->mean = beta;

@@ -28,10 +28,11 @@ static double noise_sd(double beta) {
 }
 
 static double exact(const double *value, double q, double theta_i_deg, double theta_v_deg) {
+    const struct reflectance_optics optics = {.kappa = 1, .q = q};
     struct reflectance_geometry g;
     double beta = NAN;
     if (reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL) == 0) {
-        reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, q, &beta, NULL, NULL);
+        reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &optics, &beta, NULL, NULL);
     }
     return beta;
 }

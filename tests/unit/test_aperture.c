@@ -12,12 +12,14 @@
 
 #define FINE 100 /* shares of each width in the test's own integral, by midpoints */
 #define PER_DEG (M_PI / 180)
+#define OPTICS(q_) (&(const struct reflectance_optics){.kappa = 1, .q = (q_)})
 
 static double exact(const double *value, double theta_i_deg, double theta_v_deg) {
     struct reflectance_geometry g;
     double beta, side = theta_i_deg < 0 ? -1 : 1;
     assert_int_equal(reflectance_geometry(&g, side * theta_i_deg, side * theta_v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 1.4, &beta, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, OPTICS(1.4), &beta, NULL, NULL),
+                     0);
     return beta;
 }
 
@@ -44,7 +46,8 @@ static double seen(const struct aperture_form *form, const double *value, double
     struct aperture a;
     double beta;
     assert_int_equal(aperture_init(&a, form, 1, &theta_i_deg, &theta_v_deg, NULL), 0);
-    assert_int_equal(aperture_eval(&a, 0, 1, REFLECTANCE_COMPOSITE, value, 1, 1.4, &beta, NULL, NULL), 0);
+    assert_int_equal(aperture_eval(&a, 0, 1, REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &beta, NULL, NULL),
+                     0);
     aperture_free(&a);
     return beta;
 }
@@ -91,18 +94,18 @@ static void without_widths_it_is_the_model_to_the_bit(void **state) {
     goniometry_make(&m, value, 60, 5);
     assert_int_equal(
         aperture_init(&a, &(struct aperture_form){0}, m.input.n, m.theta_i_deg, m.theta_v_deg, NULL), 0);
-    aperture_eval(&a, 10, m.input.n - 10, REFLECTANCE_COMPOSITE, value, 1, 1.3, beta, gradient, NULL);
+    aperture_eval(&a, 10, m.input.n - 10, REFLECTANCE_COMPOSITE, value, OPTICS(1.3), beta, gradient, NULL);
     for (size_t i = 10; i < m.input.n; i++) {
         struct reflectance_geometry g;
         reflectance_geometry(&g, m.theta_i_deg[i], m.theta_v_deg[i], NULL);
-        reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 1.3, &plain, row, NULL);
+        reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, OPTICS(1.3), &plain, row, NULL);
         assert_memory_equal(&plain, &beta[i - 10], sizeof plain);
         assert_memory_equal(row, &gradient[(i - 10) * 5], sizeof row);
-        aperture_parts(&a, i, REFLECTANCE_COMPOSITE, value, 1, 1.3, &parts, NULL);
-        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, 1, 1.3, &plain_parts, NULL);
+        aperture_parts(&a, i, REFLECTANCE_COMPOSITE, value, OPTICS(1.3), &parts, NULL);
+        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, OPTICS(1.3), &plain_parts, NULL);
         assert_memory_equal(&parts, &plain_parts, sizeof parts);
-        aperture_at(&a.form, m.theta_i_deg[i], m.theta_v_deg[i], REFLECTANCE_COMPOSITE, value, 1, 1.3, &plain,
-                    row, NULL);
+        aperture_at(&a.form, m.theta_i_deg[i], m.theta_v_deg[i], REFLECTANCE_COMPOSITE, value, OPTICS(1.3),
+                    &plain, row, NULL);
         assert_memory_equal(&plain, &beta[i - 10], sizeof plain);
     }
     aperture_free(&a);
@@ -131,22 +134,23 @@ static void all_ways_to_ask_agree(void **state) {
         v_deg[k] = places[k][1];
     }
     assert_int_equal(aperture_init(&a, &form, PLACES, i_deg, v_deg, NULL), 0);
-    aperture_eval(&a, 0, PLACES, REFLECTANCE_COMPOSITE, value, 1, 1.4, beta, gradient, NULL);
+    aperture_eval(&a, 0, PLACES, REFLECTANCE_COMPOSITE, value, OPTICS(1.4), beta, gradient, NULL);
     for (size_t k = 0; k < PLACES; k++) {
         struct reflectance_parts parts;
         double alone;
-        aperture_parts(&a, k, REFLECTANCE_COMPOSITE, value, 1, 1.4, &parts, NULL);
+        aperture_parts(&a, k, REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &parts, NULL);
         assert_float_equal((parts.diffuse + parts.interreflection + parts.specular) / beta[k], 1, 1e-14);
-        aperture_at(&form, i_deg[k], v_deg[k], REFLECTANCE_COMPOSITE, value, 1, 1.4, &alone, NULL, NULL);
+        aperture_at(&form, i_deg[k], v_deg[k], REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &alone, NULL, NULL);
         assert_float_equal(alone / beta[k], 1, 1e-14);
-        aperture_at(&form, -i_deg[k], -v_deg[k], REFLECTANCE_COMPOSITE, value, 1, 1.4, &alone, NULL, NULL);
+        aperture_at(&form, -i_deg[k], -v_deg[k], REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &alone, NULL,
+                    NULL);
         assert_float_equal(alone / beta[k], 1, 1e-14);
         for (int j = 0; j < 5; j++) {
             double at = value[j], h = 1e-5 * at, up, down;
             value[j] = at + h;
-            aperture_eval(&a, k, 1, REFLECTANCE_COMPOSITE, value, 1, 1.4, &up, NULL, NULL);
+            aperture_eval(&a, k, 1, REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &up, NULL, NULL);
             value[j] = at - h;
-            aperture_eval(&a, k, 1, REFLECTANCE_COMPOSITE, value, 1, 1.4, &down, NULL, NULL);
+            aperture_eval(&a, k, 1, REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &down, NULL, NULL);
             value[j] = at;
             assert_float_equal((up - down) / (2 * h), gradient[5 * k + (size_t)j], 1e-6 * beta[k] / at);
         }
@@ -192,7 +196,7 @@ static void what_cannot_be_is_refused(void **state) {
     assert_int_equal(aperture_init(&a, &(struct aperture_form){1, 1, false}, 1, &i_deg, &v_deg, NULL),
                      -ERR_RANGE);
     assert_int_equal(aperture_at(&(struct aperture_form){0, 1, true}, i_deg, v_deg, REFLECTANCE_COMPOSITE,
-                                 goniometry_set[0], 1, 1, &beta, NULL, NULL),
+                                 goniometry_set[0], OPTICS(1), &beta, NULL, NULL),
                      -ERR_RANGE);
 }
 

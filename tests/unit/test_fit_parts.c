@@ -11,39 +11,78 @@
 #include "fit/published.h"
 #include "fit/quality.h"
 
+static void fill(enum reflectance_model model, double *value) {
+    static const double base[] = {0.2, 0.3, 0.07, 7.6, 1.7};
+    static const double extra[REFLECTANCE_MODELS][2] = {[REFLECTANCE_HEAVY_TAIL] = {0.8},
+                                                        [REFLECTANCE_TRANSMITTED] = {1.33},
+                                                        [REFLECTANCE_TWO_LOBE] = {0.21, 0.5}};
+    memset(value, 0, MATERIAL_PARAMETERS * sizeof *value);
+    for (int j = 0; j < reflectance_parameters(model); j++) {
+        enum material_parameter p = reflectance_parameter(model, j);
+        value[p] = p < MATERIAL_EXTRA_1 ? base[p] : extra[model][p - MATERIAL_EXTRA_1];
+    }
+}
+
 static void coordinates_and_back(void **state) {
     (void)state;
-    for (int model = 0; model < REFLECTANCE_MODELS; model++) {
-        double value[MATERIAL_PARAMETERS] = {0}, back[MATERIAL_PARAMETERS], x[COORDINATES_MAX];
-        const double all[] = {0.2, 0.3, 0.07, 7.6, 1.7};
-        for (int j = 0; j < reflectance_parameters((enum reflectance_model)model); j++) {
-            enum material_parameter p = reflectance_parameter((enum reflectance_model)model, j);
-            value[p] = all[p];
-        }
-        coordinates_from_value((enum reflectance_model)model, value, x);
-        coordinates_to_value((enum reflectance_model)model, x, back);
+    for (int m = 0; m < REFLECTANCE_MODELS; m++) {
+        enum reflectance_model model = (enum reflectance_model)m;
+        double value[MATERIAL_PARAMETERS], back[MATERIAL_PARAMETERS], x[COORDINATES_MAX];
+        double low[COORDINATES_MAX], high[COORDINATES_MAX];
+        fill(model, value);
+        coordinates_from_value(model, value, x);
+        coordinates_bounds(model, low, high);
+        coordinates_to_value(model, x, back);
         for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
             assert_float_equal(back[p], value[p], 1e-14);
+        }
+        for (int j = 0; j < reflectance_parameters(model); j++) {
+            assert_true(low[j] < x[j] && x[j] < high[j]);
         }
     }
 }
 
 static void chain_is_the_derivative(void **state) {
     (void)state;
-    double value[MATERIAL_PARAMETERS] = {0.2, 0.3, 0.07, 7.6, 1.7}, x[COORDINATES_MAX], chain[25];
-    coordinates_from_value(REFLECTANCE_COMPOSITE, value, x);
-    coordinates_chain(REFLECTANCE_COMPOSITE, value, chain);
-    for (int j = 0; j < 5; j++) {
-        double up[MATERIAL_PARAMETERS], down[MATERIAL_PARAMETERS], step = 1e-6, x0 = x[j];
-        x[j] = x0 + step;
-        coordinates_to_value(REFLECTANCE_COMPOSITE, x, up);
-        x[j] = x0 - step;
-        coordinates_to_value(REFLECTANCE_COMPOSITE, x, down);
-        x[j] = x0;
-        for (int i = 0; i < 5; i++) {
-            assert_float_equal(chain[i * 5 + j], (up[i] - down[i]) / (2 * step), 1e-8);
+    for (int m = 0; m < REFLECTANCE_MODELS; m++) {
+        enum reflectance_model model = (enum reflectance_model)m;
+        double value[MATERIAL_PARAMETERS], x[COORDINATES_MAX], chain[COORDINATES_MAX * COORDINATES_MAX];
+        int k = reflectance_parameters(model);
+        fill(model, value);
+        coordinates_from_value(model, value, x);
+        coordinates_chain(model, value, chain);
+        for (int j = 0; j < k; j++) {
+            double up[MATERIAL_PARAMETERS], down[MATERIAL_PARAMETERS], step = 1e-6, x0 = x[j];
+            x[j] = x0 + step;
+            coordinates_to_value(model, x, up);
+            x[j] = x0 - step;
+            coordinates_to_value(model, x, down);
+            x[j] = x0;
+            for (int i = 0; i < k; i++) {
+                enum material_parameter p = reflectance_parameter(model, i);
+                assert_float_equal(chain[i * k + j], (up[p] - down[p]) / (2 * step), 1e-8);
+            }
+            assert_true(coordinates_scale(model, value, j) == chain[j * k + j]);
         }
     }
+}
+
+/* Both orders of two lobes are the same surface; the narrower one comes first. */
+static void the_narrower_lobe_is_the_first(void **state) {
+    (void)state;
+    double value[MATERIAL_PARAMETERS], swapped[MATERIAL_PARAMETERS], x[COORDINATES_MAX], y[COORDINATES_MAX];
+    fill(REFLECTANCE_TWO_LOBE, value);
+    memcpy(swapped, value, sizeof swapped);
+    swapped[MATERIAL_GAMMA] = value[MATERIAL_EXTRA_1];
+    swapped[MATERIAL_EXTRA_1] = value[MATERIAL_GAMMA];
+    swapped[MATERIAL_BETA_PRIME] = value[MATERIAL_EXTRA_2];
+    swapped[MATERIAL_EXTRA_2] = value[MATERIAL_BETA_PRIME];
+    coordinates_from_value(REFLECTANCE_TWO_LOBE, value, x);
+    coordinates_from_value(REFLECTANCE_TWO_LOBE, swapped, y);
+    coordinates_order(REFLECTANCE_TWO_LOBE, y);
+    assert_memory_equal(x, y, 7 * sizeof *x);
+    coordinates_order(REFLECTANCE_TWO_LOBE, x);
+    assert_memory_equal(x, y, 7 * sizeof *x);
 }
 
 /* A bridge has no variance at its ends and r T / 4 in the middle; an open bracket is a plain walk. */
@@ -85,9 +124,8 @@ static void energy_and_limits_by_hand(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coordinates_and_back),
-        cmocka_unit_test(chain_is_the_derivative),
-        cmocka_unit_test(drift_is_a_bridge),
+        cmocka_unit_test(coordinates_and_back),           cmocka_unit_test(chain_is_the_derivative),
+        cmocka_unit_test(the_narrower_lobe_is_the_first), cmocka_unit_test(drift_is_a_bridge),
         cmocka_unit_test(energy_and_limits_by_hand),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

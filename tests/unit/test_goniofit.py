@@ -104,7 +104,8 @@ def test_models_are_ranked(folder):
     code, out, err = run("fit", path, "--model", "all", "--json")
     fits = json.loads(out)
     assert code == 0 and fits[0]["model"] == "composite", err
-    assert sorted(f["model"] for f in fits) == ["composite", "eq1", "lambert", "oren-nayar"]
+    assert sorted(f["model"] for f in fits) == [
+        "composite", "eq1", "heavy-tail", "lambert", "oren-nayar", "transmitted", "two-lobe"]
     bics = [f["bic"] for f in fits]
     assert bics == sorted(bics)
     assert any("does not fit" in w for w in fits[-1]["warnings"])

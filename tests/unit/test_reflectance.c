@@ -22,12 +22,13 @@ static const double sets[][EXACT_PARAMETERS] = {{0.1, 0.35, 0.05, 126, 1.4},
                                                 {0.01, 1e-4, 0.002, 1.6, 2.42},
                                                 {0.8, 1.0, 1.0, 0.01, 1 + 1e-12}};
 static const char *const slope_name[] = {"d/dS", "d/dsigma", "d/dgamma", "d/dbeta'", "d/dn"};
-static const double kappa = 1.3, q = 1.7;
+static const struct reflectance_optics optics = {.kappa = 1.3, .q = 1.7}, plain = {.kappa = 1, .q = 1},
+                                       doubled = {.kappa = 1, .q = 2};
 
 static double value_of(const double *set, double *value) {
     memset(value, 0, MATERIAL_PARAMETERS * sizeof *value);
     memcpy(value, set, EXACT_PARAMETERS * sizeof *value);
-    return kappa * q;
+    return optics.kappa * optics.q;
 }
 
 static void assert_close(double got, double expected, double tolerance, const char *what, double theta_i_deg,
@@ -62,7 +63,7 @@ static void check_values(double theta_i_deg, double theta_v_deg, size_t set) {
     struct reflectance_parts parts;
     double l1, l2;
     assert_int_equal(reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, kappa, q, &parts, NULL), 0);
+    assert_int_equal(reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, &optics, &parts, NULL), 0);
     reflectance_diffuse_factors(&g, value[MATERIAL_SIGMA], &l1, &l2);
     assert_close(g.phi_rad, exact.phi_rad, 4e-15 * exact.phi_rad, "phi", theta_i_deg, theta_v_deg, set);
     assert_close(g.visibility, exact.visibility, 4e-15 * exact.visibility, "G/(cos cos)", theta_i_deg,
@@ -89,9 +90,9 @@ static void check_factors(double theta_i_deg, double theta_v_deg, size_t set) {
     assert_int_equal(reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL), 0);
     g.visibility = 1;
     value[MATERIAL_BETA_PRIME] = 1;
-    assert_int_equal(reflectance_eval_parts(REFLECTANCE_EQ1, &g, value, kappa, q, &with_lobe, NULL), 0);
+    assert_int_equal(reflectance_eval_parts(REFLECTANCE_EQ1, &g, value, &optics, &with_lobe, NULL), 0);
     value[MATERIAL_GAMMA] = 1e30;
-    assert_int_equal(reflectance_eval_parts(REFLECTANCE_EQ1, &g, value, kappa, q, &without, NULL), 0);
+    assert_int_equal(reflectance_eval_parts(REFLECTANCE_EQ1, &g, value, &optics, &without, NULL), 0);
     assert_close(without.specular, exact.fresnel, 4e-15 * exact.fresnel, "F", theta_i_deg, theta_v_deg, set);
     if (exact.log_d > -600) { /* above the denormal numbers even times F of n - 1 = 1e-12 */
         assert_close(with_lobe.specular / without.specular, exact.lobe,
@@ -109,7 +110,7 @@ static void check_slopes(double theta_i_deg, double theta_v_deg, size_t set) {
     struct reflectance_geometry g;
     double beta, gradient[EXACT_PARAMETERS];
     assert_int_equal(reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, kappa, q, &beta, gradient, NULL),
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &optics, &beta, gradient, NULL),
                      0);
     for (int j = 0; j < EXACT_PARAMETERS; j++) {
         bool with_lobe = j >= EXACT_GAMMA;
@@ -140,7 +141,7 @@ static void check_reciprocity(double theta_i_deg, double theta_v_deg, size_t set
     assert_int_equal(reflectance_geometry(&g[0], theta_i_deg, theta_v_deg, NULL), 0);
     assert_int_equal(reflectance_geometry(&g[1], fabs(theta_v_deg), copysign(theta_i_deg, theta_v_deg), NULL),
                      0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 2, g, value, kappa, q, beta, gradient, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 2, g, value, &optics, beta, gradient, NULL), 0);
     assert_memory_equal(&beta[0], &beta[1], sizeof *beta);
     assert_memory_equal(gradient, gradient + EXACT_PARAMETERS, EXACT_PARAMETERS * sizeof *gradient);
 }
@@ -165,7 +166,7 @@ static double beta_at(enum reflectance_model model, double theta_i_deg, double t
     struct reflectance_geometry g;
     double beta;
     assert_int_equal(reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval(model, 1, &g, value, 1, 1, &beta, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(model, 1, &g, value, &plain, &beta, NULL, NULL), 0);
     return beta;
 }
 
@@ -194,7 +195,7 @@ static void limits_are_reached(void **state) {
     struct reflectance_geometry g;
     struct reflectance_parts parts;
     assert_int_equal(reflectance_geometry(&g, grazing, grazing, NULL), 0);
-    assert_int_equal(reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, 1, 1, &parts, NULL), 0);
+    assert_int_equal(reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, &plain, &parts, NULL), 0);
     assert_float_equal(parts.diffuse, 0.25 * expected, 1e-9);
 }
 
@@ -204,10 +205,11 @@ static void models_nest_in_the_composite(void **state) {
     struct reflectance_geometry g;
     assert_int_equal(reflectance_geometry(&g, 50, 42, NULL), 0);
     double full, diffuse, eq1, full_row[5], diffuse_row[2], eq1_row[4];
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 2, &full, full_row, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &doubled, &full, full_row, NULL),
+                     0);
     assert_int_equal(
-        reflectance_eval(REFLECTANCE_OREN_NAYAR, 1, &g, value, 1, 2, &diffuse, diffuse_row, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_EQ1, 1, &g, value, 1, 2, &eq1, eq1_row, NULL), 0);
+        reflectance_eval(REFLECTANCE_OREN_NAYAR, 1, &g, value, &doubled, &diffuse, diffuse_row, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_EQ1, 1, &g, value, &doubled, &eq1, eq1_row, NULL), 0);
     assert_float_equal(full, diffuse + eq1 - value[MATERIAL_S], 1e-15);
     assert_true(diffuse_row[0] == full_row[0] && diffuse_row[1] == full_row[1]);
     assert_true(eq1_row[1] == full_row[2] && eq1_row[2] == full_row[3] && eq1_row[3] == full_row[4]);
@@ -243,14 +245,15 @@ static void outside_the_domain_is_an_error(void **state) {
     for (size_t i = 0; i < COUNT(wrong); i++) {
         double value[MATERIAL_PARAMETERS], beta = 7;
         value_of(wrong[i], value);
-        assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 1, &beta, NULL, NULL),
+        assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &plain, &beta, NULL, NULL),
                          -ERR_RANGE);
         assert_true(beta == 7);
     }
     double value[MATERIAL_PARAMETERS] = {0.1, 0, 0, 0, 0}, beta = 7;
-    assert_int_equal(reflectance_eval(REFLECTANCE_LAMBERT, 1, &g, value, 1, NAN, &beta, NULL, NULL),
+    assert_int_equal(reflectance_eval(REFLECTANCE_LAMBERT, 1, &g, value,
+                                      &(struct reflectance_optics){.kappa = 1, .q = NAN}, &beta, NULL, NULL),
                      -ERR_RANGE);
-    assert_int_equal(reflectance_eval(REFLECTANCE_LAMBERT, 1, &g, value, 1, 1, &beta, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_LAMBERT, 1, &g, value, &plain, &beta, NULL, NULL), 0);
 }
 
 static void extreme_parameters_give_no_nan(void **state) {
@@ -267,7 +270,7 @@ static void extreme_parameters_give_no_nan(void **state) {
             value[j] = extreme[rest % 6];
         }
         value[MATERIAL_N] = fmin(1 + value[MATERIAL_N], 1e50);
-        int status = reflectance_eval(REFLECTANCE_COMPOSITE, 4, g, value, 1, 1, beta, gradient, NULL);
+        int status = reflectance_eval(REFLECTANCE_COMPOSITE, 4, g, value, &plain, beta, gradient, NULL);
         if (value[MATERIAL_N] == 1) {
             assert_int_equal(status, -ERR_RANGE);
             continue;
