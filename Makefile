@@ -20,7 +20,7 @@ DESTDIR ?=
 FUZZ_S ?= 60
 N ?= 200
 JOBS ?= $(shell nproc)
-FOLDERS := proto drivers fit sim daemon
+FOLDERS := proto drivers fit fit/render sim daemon
 C_LIBS := libmodbus libusb-1.0 libusbredirparser-0.5 sqlite3 libuv jansson libfyaml
 
 # -ffp-contract=off: a result must not depend on whether the compiler fuses a multiply with an add.
@@ -33,12 +33,13 @@ CFLAGS_ALL = -std=gnu17 $(COMMON) $(PKG_CFLAGS) $(CFLAGS)
 CXXFLAGS_ALL = -std=c++17 $(COMMON) -isystem /usr/include/eigen3 $(CXXFLAGS)
 LINK_LIBS = -Wl,--as-needed $(PKG_LIBS) -lm -pthread
 CERES_LIBS = -lceres -lglog
+RENDER_LIBS = -lpng -ltiff -llcms2 -lOpenEXRCore
 
 objects = $(patsubst %,$(BUILD)/%.o,$(basename $(filter-out %_main.c %_main.cc,$(wildcard $(1)/*.c $(1)/*.cc))))
 LIBRARIES := $(foreach f,$(FOLDERS),$(BUILD)/lib$(f).a)
 # Archives twice: daemon <- drivers <- proto is acyclic, but a test may name only the outermost.
-ARCHIVES = $(BUILD)/libdaemon.a $(BUILD)/libsim.a $(BUILD)/libfit.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
-MAINS := $(wildcard daemon/*_main.c sim/*_main.c fit/*_main.c)
+ARCHIVES = $(BUILD)/libdaemon.a $(BUILD)/libsim.a $(BUILD)/libfit/render.a $(BUILD)/libfit.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
+MAINS := $(wildcard daemon/*_main.c sim/*_main.c fit/*_main.c fit/render/*_main.c)
 PROGRAMS := $(patsubst %_main.c,$(BUILD)/%,$(notdir $(MAINS)))
 TESTS := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/unit/test_*.c tests/scenario/test_*.c tests/wire/test_*.c \
                                               tests/replay/test_*.c tests/crash/test_*.c))
@@ -47,6 +48,7 @@ all: $(PROGRAMS)
 
 define archive
 $(BUILD)/lib$(1).a: $(call objects,$(1))
+	@mkdir -p $$(@D)
 	@rm -f $$@
 	@$$(AR) rcs $$@ $$^
 endef
@@ -62,18 +64,19 @@ $(BUILD)/%.o: %.cc
 	@echo "  CXX $<"
 	@$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
 
-# Only goniofit links Ceres: some bad input ends a process that holds it.
+# Only goniofit links Ceres: some bad input ends a process that holds it. Only goniorender writes pictures.
 define program
 $(BUILD)/$(patsubst %_main,%,$(notdir $(basename $(1)))): $(BUILD)/$(basename $(1)).o $(LIBRARIES)
 	@echo "  LD  $$@"
-	@$(if $(filter fit/%,$(1)),$$(CXX),$$(CC)) $$(SANITIZE) -o $$@ $$< $$(ARCHIVES) $$(LINK_LIBS) $(if $(filter fit/%,$(1)),$$(CERES_LIBS))
+	@$(if $(filter fit/goniofit%,$(1)),$$(CXX),$$(CC)) $$(SANITIZE) -o $$@ $$< $$(ARCHIVES) $$(LINK_LIBS) \
+	    $(if $(filter fit/goniofit%,$(1)),$$(CERES_LIBS)) $(if $(filter fit/render/%,$(1)),$$(RENDER_LIBS))
 endef
 $(foreach m,$(MAINS),$(eval $(call program,$(m))))
 
 TEST_SUPPORT := $(patsubst %.c,$(BUILD)/%.o,$(wildcard tests/support/*.c))
 $(BUILD)/tests/%: $(BUILD)/tests/%.o $(TEST_SUPPORT) $(LIBRARIES)
 	@echo "  LD  $@"
-	@$(CXX) $(SANITIZE) -o $@ $< $(TEST_SUPPORT) $(ARCHIVES) -Wl,--as-needed -lcmocka -lmpfr $(LINK_LIBS) $(CERES_LIBS)
+	@$(CXX) $(SANITIZE) -o $@ $< $(TEST_SUPPORT) $(ARCHIVES) -Wl,--as-needed -lcmocka -lmpfr $(LINK_LIBS) $(CERES_LIBS) $(RENDER_LIBS)
 
 # Each fuzz target replays its corpus as one more test; `make fuzz` builds it with libFuzzer instead.
 FUZZERS := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))

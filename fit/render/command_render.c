@@ -1,0 +1,215 @@
+#include "fit/render/commands.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fit/render/image.h"
+#include "fit/render/origin.h"
+#include "fit/render/stopwatch.h"
+#include "proto/number.h"
+
+static const char help[] =
+    "usage: goniorender render SCENE.yaml -o FILE.png [--report R.json] [--all-features] [--threads N]\n"
+    "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
+    "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
+    "  --report R.json   what the picture carries as its origin, and the seconds it took\n"
+    "  --all-features    leaves nothing out that the scene does not need\n"
+    "  --threads N       default: one for each processor; the picture is the same for any number\n"
+    "exit status: 0 done, 1 the work failed or was interrupted, 2 bad usage or bad input\n";
+
+struct options {
+    const char *scene, *output, *report;
+    struct render_options render;
+};
+
+static int take_threads(const char *text, struct options *o, struct err *e) {
+    int64_t n;
+    if (!number_read_int(text, &n) || n < 1 || n > 256) {
+        return err_set(e, ERR_USAGE, "--threads is 1 to 256, not '%s'", text);
+    }
+    o->render.threads = (int)n;
+    return 0;
+}
+
+/* 1: help was asked for and printed. */
+static int read_options(int argc, char **argv, struct options *o, struct err *e) {
+    static const struct option known[] = {
+        {"output", required_argument, NULL, 'o'}, {"report", required_argument, NULL, 'r'},
+        {"all-features", no_argument, NULL, 'a'}, {"threads", required_argument, NULL, 't'},
+        {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0}};
+    int status = 0;
+    optind = 1;
+    for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
+        switch (c) {
+        case 'o':
+            o->output = optarg;
+            break;
+        case 'r':
+            o->report = optarg;
+            break;
+        case 'a':
+            o->render.all_features = true;
+            break;
+        case 't':
+            status = take_threads(optarg, o, e);
+            break;
+        case 'h':
+            fputs(help, stdout);
+            return 1;
+        default:
+            return err_set(e, ERR_USAGE, "see goniorender render --help");
+        }
+    }
+    if (!status && (optind + 1 != argc || !o->output)) {
+        return err_set(e, ERR_USAGE,
+                       "one SCENE.yaml and -o FILE.png are needed; see goniorender render --help");
+    }
+    o->scene = argv[optind];
+    return status ? status : image_known(o->output, e);
+}
+
+static void print_materials(const struct scene *scene) {
+    for (int i = 0; i < scene->n_paints; i++) {
+        const struct paint *p = &scene->paint[i];
+        double share = origin_held_share(scene, p);
+        int held = 0;
+        for (int k = 0; k < BANDS; k++) {
+            held += p->held[k];
+        }
+        printf("material: %s from %s, %s; %d of %d bands not measured but held, %.2g %% of its X, Y or Z\n",
+               p->name, p->source, p->estimate.model, held, BANDS, 100 * share);
+        if (share > PAINT_HELD_WARNING) {
+            fprintf(stderr,
+                    "warning: material %s: %.2g %% of its X, Y or Z rests on bands that were not measured\n",
+                    p->name, 100 * share);
+        }
+    }
+}
+
+static void print_picture(const struct scene *scene, const struct picture *p, const struct render_report *r) {
+    printf("exposure: Y = %g of the perfect diffuser at normal incidence; highest Y %.4g\n",
+           scene->image.exposure, p->max_y * scene->image.exposure);
+    printf("colours:  %s, %s, adaptation %s; %llu pixels clipped, %llu out of gamut\n",
+           colour_observer_name((enum colour_observer)scene->image.observer), colour_space_name(p->space),
+           colour_adaptation_name((enum colour_adaptation)scene->image.adaptation),
+           (unsigned long long)p->clipped, (unsigned long long)p->out_of_gamut);
+    if (r->counts.negative_diffuse) {
+        printf("negative diffuse terms, set to 0: %llu of %llu\n",
+               (unsigned long long)r->counts.negative_diffuse, (unsigned long long)r->counts.hits);
+    }
+}
+
+static int write_report(const char *path, json_t *reports, struct err *e) {
+    json_t *whole = json_array_size(reports) == 1 ? json_array_get(reports, 0) : reports;
+    return json_dump_file(whole, path, JSON_INDENT(1)) == 0
+               ? 0
+               : err_set(e, ERR_IO, "the report %s cannot be written", path);
+}
+
+struct job { /* one call of the command */
+    struct options options;
+    struct scene *scene;
+    char *line;
+    double parse_s;
+    json_t *reports;
+};
+
+static int write_picture(const struct job *job, const char *path, const struct render_report *report,
+                         const struct picture *picture, double colour_s, struct err *e) {
+    double started = stopwatch_s();
+    json_t *origin = origin_make(job->scene, report, picture, job->line);
+    char *text = origin ? json_dumps(origin, JSON_COMPACT) : NULL;
+    int status =
+        text ? image_write(path, picture, text, e) : err_set(e, ERR_NOMEM, "no memory for the origin");
+    double write_s = stopwatch_s() - started;
+    printf("time:     scene %.3f s, trace %.3f s with %d threads, colour %.3f s, file %.3f s\n", job->parse_s,
+           report->trace_s, report->threads, colour_s, write_s);
+    if (origin) {
+        json_object_set_new(origin, "seconds",
+                            json_pack("{s:f,s:f,s:f,s:f}", "parse", job->parse_s, "trace", report->trace_s,
+                                      "colour", colour_s, "write", write_s));
+        json_object_set_new(origin, "threads", json_integer(report->threads));
+        json_object_set_new(origin, "picture", json_string(path));
+        json_array_append_new(job->reports, origin);
+    }
+    free(text);
+    return status;
+}
+
+static int render_one(const struct job *job, const char *path, struct err *e) {
+    struct planes planes = {0};
+    struct picture picture = {0};
+    struct render_report report = {0};
+    int status = render_planes(job->scene, &job->options.render, &planes, &report, e);
+    if (status) {
+        return status;
+    }
+    double started = stopwatch_s();
+    bool by_wavelength = report.features.line[FEATURE_WAVELENGTHS].kept;
+    status = render_picture(job->scene, &planes, by_wavelength, &picture, e);
+    double colour_s = stopwatch_s() - started;
+    if (!status) {
+        printf("picture:  %s, %d x %d pixels of %d bits\n", path, picture.width, picture.height,
+               picture.bits);
+        features_print(&report.features, stdout);
+        print_picture(job->scene, &picture, &report);
+        status = write_picture(job, path, &report, &picture, colour_s, e);
+    }
+    if (!status && report.counts.rows_done < planes.height) {
+        status = err_set(e, ERR_CANCELLED, "interrupted: %s holds %d of %d rows", path,
+                         report.counts.rows_done, planes.height);
+    }
+    picture_free(&picture);
+    planes_free(&planes);
+    return status;
+}
+
+static int render_series(const struct job *job, struct err *e) {
+    int status = 0;
+    for (int k = 0; k < job->scene->n_pictures && !status; k++) {
+        char path[4096];
+        scene_aim(job->scene, k);
+        if (job->scene->n_pictures == 1) {
+            snprintf(path, sizeof path, "%s", job->options.output);
+        } else {
+            command_numbered(job->options.output, k + 1, path, sizeof path);
+        }
+        status = render_one(job, path, e);
+    }
+    if (job->options.report && json_array_size(job->reports) > 0) {
+        int written = write_report(job->options.report, job->reports, e);
+        status = status ? status : written;
+    }
+    return status;
+}
+
+int command_render(int argc, char **argv) {
+    struct job job = {0};
+    struct err e = {0};
+    struct err_list errors = {0};
+    double started = stopwatch_s();
+    int status = read_options(argc, argv, &job.options, &e);
+    if (status) {
+        return status > 0 ? 0 : command_complain("render", &e);
+    }
+    job.scene = scene_read(job.options.scene, &errors);
+    if (!job.scene) {
+        return command_complain_all(&errors);
+    }
+    job.parse_s = stopwatch_s() - started;
+    job.options.render.cancel = command_cancel();
+    job.options.render.progress = isatty(STDERR_FILENO);
+    job.reports = json_array();
+    job.line = command_line(argc, argv);
+    print_materials(job.scene);
+    status = job.line && job.reports ? render_series(&job, &e)
+                                     : err_set(&e, ERR_NOMEM, "no memory for the command");
+    json_decref(job.reports);
+    free(job.line);
+    scene_free(job.scene);
+    return status ? command_complain("render", &e) : 0;
+}

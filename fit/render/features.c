@@ -1,0 +1,177 @@
+#include "fit/render/features.h"
+
+#include <stdarg.h>
+
+static const char *const names[FEATURES] = {
+    [FEATURE_LIGHTS] = "lights without power",
+    [FEATURE_SPECULAR] = "specular",
+    [FEATURE_LOBE_TAIL] = "tail of the lobe",
+    [FEATURE_SIGMA] = "diffuse roughness",
+    [FEATURE_EACH_DIRECTION] = "half vectors of each sample",
+    [FEATURE_SHADOW_RAYS] = "shadow rays",
+    [FEATURE_WAVELENGTHS] = "sums over wavelengths",
+};
+
+const char *feature_name(enum feature feature) {
+    return names[feature];
+}
+
+static void decide(struct features *f, enum feature feature, bool kept, double bound, const char *format, ...)
+    __attribute__((format(printf, 5, 6)));
+
+static void decide(struct features *f, enum feature feature, bool kept, double bound, const char *format,
+                   ...) {
+    struct feature_line *line = &f->line[feature];
+    va_list arguments;
+    line->kept = kept;
+    line->bound = kept ? 0 : bound;
+    va_start(arguments, format);
+    vsnprintf(line->reason, sizeof line->reason, format, arguments);
+    va_end(arguments);
+}
+
+static bool parallel(const struct scene *scene) {
+    return scene->camera.kind == CAMERA_ORTHOGRAPHIC;
+}
+
+static void decide_lights(const struct scene *scene, struct features *f) {
+    int dark = 0;
+    for (int i = 0; i < scene->n_lights; i++) {
+        dark += scene->light[i].share == 0;
+    }
+    decide(f, FEATURE_LIGHTS, dark == 0, 0, dark ? "%d of weight 0" : "all %d shine",
+           dark ? dark : scene->n_lights);
+}
+
+/* cos_i G / (cos_i cos_r) <= 2 / cos^2 theta_Q (reflectance.h: the merged visibility), so the lobe of this paint in
+ * this light is nowhere above this. */
+static double lobe_peak(const struct scene *scene, const struct paint *paint, const struct light *light) {
+    if (paint->shade.beta_prime == 0 || light->share == 0) {
+        return 0;
+    }
+    if (!parallel(scene)) {
+        return INFINITY; /* some eye ray may graze */
+    }
+    struct shade_half half =
+        shade_half(&paint->shade, light->direction, vec3_scale(scene->camera.forward, -1));
+    double peak = light->share * paint->shade.beta_prime * half.fresnel * 2 / half.cos2_q;
+    return half.cos2_q > 0 ? peak : INFINITY;
+}
+
+static double highest_peak(const struct scene *scene) {
+    double highest = 0;
+    for (int p = 0; p < scene->n_paints; p++) {
+        double sum = 0;
+        for (int i = 0; i < scene->n_lights; i++) {
+            sum += lobe_peak(scene, &scene->paint[p], &scene->light[i]);
+        }
+        highest = fmax(highest, sum);
+    }
+    return highest;
+}
+
+double features_lobe_cut(const struct scene *scene, const struct paint *paint, const struct light *light) {
+    double peak = lobe_peak(scene, paint, light), tolerance = FEATURES_TOLERANCE / scene->n_lights;
+    if (peak <= tolerance) {
+        return INFINITY;
+    }
+    double phi = sqrt(log(peak / tolerance) / paint->shade.exponent);
+    struct vec3 h = vec3_sub(light->direction, scene->camera.forward);
+    return phi < M_PI ? cos(phi) * vec3_length(h) : -INFINITY;
+}
+
+static void decide_lobe(const struct scene *scene, struct features *f) {
+    double peak = highest_peak(scene);
+    if (peak <= FEATURES_TOLERANCE) {
+        decide(f, FEATURE_SPECULAR, false, peak, "nowhere above %.2g", peak);
+        decide(f, FEATURE_LOBE_TAIL, false, 0, "no lobe");
+        return;
+    }
+    decide(f, FEATURE_SPECULAR, true, 0, "up to %.3g", peak);
+    if (isfinite(peak)) {
+        decide(f, FEATURE_LOBE_TAIL, false, FEATURES_TOLERANCE, "where under %g", FEATURES_TOLERANCE);
+    } else {
+        decide(f, FEATURE_LOBE_TAIL, true, 0, "no bound on the lobe at grazing exit");
+    }
+}
+
+static void decide_sigma(const struct scene *scene, struct features *f) {
+    double largest = 0;
+    for (int i = 0; i < scene->n_paints; i++) {
+        const struct paint *p = &scene->paint[i];
+        double s = 0;
+        for (int k = 0; k < BANDS; k++) {
+            s = fmax(s, p->s[k]);
+        }
+        /* |direct| and |1 - cos(dphi) u^2| / 2 are at most 1, |side| at most 2 (shade.h). */
+        largest = fmax(largest, s * (1 - p->shade.c1 + p->shade.direct + 2 * p->shade.side) +
+                                    2 * s * s * p->shade.inter);
+    }
+    if (largest <= FEATURES_TOLERANCE) {
+        decide(f, FEATURE_SIGMA, false, largest, "nowhere above %.2g", largest);
+    } else {
+        decide(f, FEATURE_SIGMA, true, 0, "up to %.3g", largest);
+    }
+}
+
+static void decide_shadows(const struct scene *scene, struct features *f) {
+    bool convex = true;
+    for (int i = 0; i < scene->n_shapes; i++) {
+        convex = convex && shape_is_convex(&scene->shape[i]);
+    }
+    if (scene->n_shapes <= 1 && convex) {
+        decide(f, FEATURE_SHADOW_RAYS, false, 0, "%d convex shape", scene->n_shapes);
+    } else {
+        decide(f, FEATURE_SHADOW_RAYS, true, 0, "%d shapes%s", scene->n_shapes,
+               convex ? "" : ", not all convex");
+    }
+}
+
+static void keep_all(struct features *f) {
+    for (int i = 0; i < FEATURES; i++) {
+        decide(f, (enum feature)i, true, 0, "asked for");
+    }
+}
+
+void features_find(const struct scene *scene, bool all, struct features *features) {
+    if (all) {
+        keep_all(features);
+        return;
+    }
+    decide_lights(scene, features);
+    decide_lobe(scene, features);
+    decide_sigma(scene, features);
+    decide(features, FEATURE_EACH_DIRECTION, !parallel(scene), 0,
+           parallel(scene) ? "parallel light and camera" : "perspective camera");
+    decide_shadows(scene, features);
+    decide(features, FEATURE_WAVELENGTHS, false, 1e-12, "one bounce: a 3x3 matrix for each paint and light");
+}
+
+double features_bound(const struct features *features) {
+    double sum = 0;
+    for (int i = 0; i < FEATURES; i++) {
+        sum += features->line[i].bound;
+    }
+    return sum;
+}
+
+static void print_those(const struct features *features, bool kept, FILE *out) {
+    bool any = false;
+    for (int i = 0; i < FEATURES; i++) {
+        const struct feature_line *line = &features->line[i];
+        if (line->kept == kept) {
+            fprintf(out, "%s%s (%s)", any ? ", " : "", names[i], line->reason);
+            any = true;
+        }
+    }
+    fputs(any ? "\n" : "nothing\n", out);
+}
+
+void features_print(const struct features *features, FILE *out) {
+    fputs("left out: ", out);
+    print_those(features, false, out);
+    fputs("kept:     ", out);
+    print_those(features, true, out);
+    fprintf(out, "bound:    %.3g of the perfect diffuser's radiance, by all that is left out\n",
+            features_bound(features));
+}

@@ -1,0 +1,47 @@
+/*
+ * features.h — what a scene does not need is left out: one pass that decides, says why, and bounds the error.
+ *
+ * Each rule is a predicate over the scene; where it holds, its part is dropped, with a bound on the change of any
+ * radiance (in units of the perfect diffuser). --all-features leaves nothing out.
+ * Checked    tests/unit/test_features.c: each rule's picture against all features, within the printed bound
+ */
+#ifndef FIT_RENDER_FEATURES_H
+#define FIT_RENDER_FEATURES_H
+
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "fit/render/scene.h"
+
+#define FEATURES_TOLERANCE 1e-6 /* of the radiance, below which a part may be left out */
+
+enum feature {
+    FEATURE_LIGHTS,         /* lights without power */
+    FEATURE_SPECULAR,       /* lobe, Fresnel, plane c */
+    FEATURE_LOBE_TAIL,      /* the lobe beyond the angle where it falls under the tolerance */
+    FEATURE_SIGMA,          /* Oren-Nayar's direct terms, interreflection, plane b */
+    FEATURE_EACH_DIRECTION, /* half vector and Fresnel of each sample instead of once */
+    FEATURE_SHADOW_RAYS,
+    FEATURE_WAVELENGTHS, /* 81 sums for each pixel instead of a 3x3 matrix */
+    FEATURES
+};
+
+struct feature_line {
+    bool kept;
+    double bound; /* of leaving it out; 0 = none */
+    char reason[128];
+};
+
+struct features {
+    struct feature_line line[FEATURES];
+};
+
+void features_find(const struct scene *scene, bool all, struct features *features);
+/* n.h below which the lobe of this paint under this light is left out; -INFINITY: nowhere, INFINITY: everywhere. */
+double features_lobe_cut(const struct scene *scene, const struct paint *paint, const struct light *light);
+const char *feature_name(enum feature feature);
+double features_bound(const struct features *features); /* the sum over what is left out */
+/* `left out: NAME (reason), ...` and `kept: NAME (reason), ...` */
+void features_print(const struct features *features, FILE *out);
+
+#endif

@@ -1,0 +1,21 @@
+/*
+ * image.h — pictures as files: the format by the name's ending, the colour profile and the origin inside.
+ *
+ * .png   8 or 16 bits, iCCP, the origin as iTXt "goniod" (JSON)
+ * The file appears whole under its name or not at all.
+ * Errors     -ERR_USAGE an ending of no known format (image_known tells beforehand); -ERR_IO with errno.
+ * Checked    tests/unit/test_render_image.c
+ */
+#ifndef FIT_RENDER_IMAGE_H
+#define FIT_RENDER_IMAGE_H
+
+#include "fit/render/render.h"
+
+int image_known(const char *path, struct err *e);
+int image_write(const char *path, const struct picture *picture, const char *origin_json, struct err *e);
+
+/* file: FILE * open for writing; profile: the ICC profile's bytes. */
+int image_png(void *file, const struct picture *picture, const unsigned char *profile, size_t profile_size,
+              const char *origin_json, struct err *e);
+
+#endif

@@ -1,0 +1,108 @@
+#include "fit/render/origin.h"
+
+#include <math.h>
+
+double origin_held_share(const struct scene *scene, const struct paint *paint) {
+    double worst = 0;
+    for (int j = 0; j < scene->n_spds; j++) {
+        worst = fmax(worst, paint_held_share(paint, scene->spd[j].power,
+                                             colour_cmf((enum colour_observer)scene->image.observer)));
+    }
+    return worst;
+}
+
+static json_t *parameters_of(const struct estimate *m, bool uncertainty) {
+    json_t *json = json_object();
+    for (int i = 0; i < MATERIAL_PARAMETERS; i++) {
+        const char *name = material_parameter_name(m->model, i);
+        double u = sqrt(m->statistical[i][i] + m->common[i][i]);
+        double value = uncertainty ? u : m->value[i];
+        if (name && isfinite(value)) {
+            json_object_set_new(json, name, json_real(value));
+        }
+    }
+    return json;
+}
+
+static json_t *held_bands(const struct paint *paint) {
+    json_t *json = json_array();
+    for (int k = 0; k < BANDS; k++) {
+        if (paint->held[k]) {
+            json_array_append_new(json, json_integer(band_nm(k)));
+        }
+    }
+    return json;
+}
+
+static json_t *material_json(const struct scene *scene, const struct paint *paint) {
+    json_t *json =
+        json_pack("{s:s,s:s,s:s,s:o,s:f,s:o,s:f}", "name", paint->name, "source", paint->source, "model",
+                  paint->estimate.model, "parameters", parameters_of(&paint->estimate, false), "kappa",
+                  paint->estimate.kappa, "held_bands_nm", held_bands(paint), "held_share",
+                  origin_held_share(scene, paint));
+    if (paint->sha256[0]) {
+        json_object_set_new(json, "sha256", json_string(paint->sha256));
+        json_object_set_new(json, "u", parameters_of(&paint->estimate, true));
+    }
+    return json;
+}
+
+static json_t *light_json(const struct light *light) {
+    return json_pack("{s:s,s:f,s:[f,f,f]}", "spd", light->spd_name, "share", light->share, "direction",
+                     light->direction.x, light->direction.y, light->direction.z);
+}
+
+static json_t *features_json(const struct features *features, bool kept) {
+    json_t *json = json_object();
+    for (int i = 0; i < FEATURES; i++) {
+        if (features->line[i].kept == kept) {
+            json_object_set_new(json, feature_name((enum feature)i), json_string(features->line[i].reason));
+        }
+    }
+    return json;
+}
+
+static void add_scene(json_t *json, const struct scene *scene) {
+    json_t *materials = json_array(), *lights = json_array();
+    for (int i = 0; i < scene->n_paints; i++) {
+        json_array_append_new(materials, material_json(scene, &scene->paint[i]));
+    }
+    for (int i = 0; i < scene->n_lights; i++) {
+        json_array_append_new(lights, light_json(&scene->light[i]));
+    }
+    json_object_set_new(json, "materials", materials);
+    json_object_set_new(json, "lights", lights);
+    json_object_set_new(json, "observer",
+                        json_string(colour_observer_name((enum colour_observer)scene->image.observer)));
+    json_object_set_new(json, "space", json_string(colour_space_name((enum colour_space)scene->image.space)));
+    json_object_set_new(json, "adaptation",
+                        json_string(colour_adaptation_name((enum colour_adaptation)scene->image.adaptation)));
+    json_object_set_new(json, "exposure", json_real(scene->image.exposure));
+    json_object_set_new(json, "grid", json_integer(scene->image.grid));
+}
+
+static void add_work(json_t *json, const struct render_report *r, const struct picture *p) {
+    json_t *counts = json_pack("{s:I,s:I,s:I,s:I,s:i}", "camera_rays", (json_int_t)r->counts.camera_rays,
+                               "hits", (json_int_t)r->counts.hits, "shadow_rays",
+                               (json_int_t)r->counts.shadow_rays, "negative_diffuse",
+                               (json_int_t)r->counts.negative_diffuse, "rows_done", r->counts.rows_done);
+    json_object_set_new(json, "left_out", features_json(&r->features, false));
+    json_object_set_new(json, "kept", features_json(&r->features, true));
+    json_object_set_new(json, "bound", json_real(features_bound(&r->features)));
+    json_object_set_new(json, "counts", counts);
+    json_object_set_new(json, "clipped", json_integer((json_int_t)p->clipped));
+    json_object_set_new(json, "out_of_gamut", json_integer((json_int_t)p->out_of_gamut));
+    json_object_set_new(json, "max_y", json_real(p->max_y));
+    json_object_set_new(json, "white", json_pack("[f,f,f]", p->white[0], p->white[1], p->white[2]));
+}
+
+json_t *origin_make(const struct scene *scene, const struct render_report *report,
+                    const struct picture *picture, const char *command) {
+    json_t *json = json_pack("{s:s,s:s,s:s,s:s}", "program", "goniorender " GONIOD_VERSION, "command",
+                             command, "scene", scene->file, "name", scene->name);
+    if (json) {
+        add_scene(json, scene);
+        add_work(json, report, picture);
+    }
+    return json;
+}

@@ -1,0 +1,22 @@
+/*
+ * origin.h — where a picture comes from, as every picture and report carries it.
+ *
+ * {"program", "command", "scene", "materials": [{"name", "source", "sha256", "model", "parameters", "u", "kappa",
+ * "held_bands_nm", "held_share"}], "lights", "observer", "space", "adaptation", "exposure", "white", "grid",
+ * "left_out", "kept", "bound", "counts", "clipped", "out_of_gamut", "max_y"}
+ * Checked    tests/unit/test_goniorender.py
+ */
+#ifndef FIT_RENDER_ORIGIN_H
+#define FIT_RENDER_ORIGIN_H
+
+#include <jansson.h>
+
+#include "fit/render/render.h"
+
+/* NULL when out of memory. */
+json_t *origin_make(const struct scene *scene, const struct render_report *report,
+                    const struct picture *picture, const char *command);
+/* The largest share of X, Y, Z that rests on bands that were not measured, over the lights. */
+double origin_held_share(const struct scene *scene, const struct paint *paint);
+
+#endif

@@ -1,0 +1,65 @@
+#include "fit/render/render.h"
+
+#include <stdlib.h>
+#include <unistd.h>
+
+#include "fit/render/encode.h"
+#include "fit/render/stopwatch.h"
+#include "fit/render/trace.h"
+
+static bool kept(const struct features *f, enum feature feature) {
+    return f->line[feature].kept;
+}
+
+static unsigned shade_mask(const struct features *f) {
+    bool hoisted = !kept(f, FEATURE_EACH_DIRECTION), specular = kept(f, FEATURE_SPECULAR);
+    return (kept(f, FEATURE_SIGMA) ? SHADE_SIGMA : 0) | (specular ? SHADE_SPECULAR : 0) |
+           (hoisted && (specular || kept(f, FEATURE_SIGMA)) ? SHADE_HOISTED : 0) |
+           (hoisted && specular && !kept(f, FEATURE_LOBE_TAIL) ? SHADE_LOBE_CUT : 0);
+}
+
+/* What parallel light, seen by a parallel camera, has in common for all points. */
+static void prepare_halves(struct trace *t) {
+    const struct scene *scene = t->scene;
+    struct vec3 v = vec3_scale(scene->camera.forward, -1);
+    for (int p = 0; p < scene->n_paints; p++) {
+        for (int i = 0; i < scene->n_lights; i++) {
+            const struct light *light = &scene->light[i];
+            t->half[p][i] = shade_half(&scene->paint[p].shade, light->direction, v);
+            if (t->shade_features & SHADE_LOBE_CUT) {
+                t->half[p][i].cut = features_lobe_cut(scene, &scene->paint[p], light);
+            }
+        }
+    }
+}
+
+int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
+                  struct render_report *report, struct err *e) {
+    struct render_options own = *options;
+    double started = stopwatch_s();
+    own.threads = own.threads > 0 ? own.threads : (int)sysconf(_SC_NPROCESSORS_ONLN);
+    features_find(scene, own.all_features, &report->features);
+    struct trace trace = {.scene = scene,
+                          .features = &report->features,
+                          .shade_features = shade_mask(&report->features),
+                          .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
+                          .dark_lights = kept(&report->features, FEATURE_LIGHTS),
+                          .half = calloc(SCENE_PAINTS, sizeof *trace.half)};
+    if (!trace.half) {
+        return err_set(e, ERR_NOMEM, "no memory to render");
+    }
+    prepare_halves(&trace);
+    int status = planes_make(planes, scene->image.width, scene->image.height, scene->n_spds,
+                             trace.shade_features & SHADE_SIGMA, trace.shade_features & SHADE_SPECULAR, e);
+    status = status ? status : trace_run(&trace, trace_direct, &own, planes, &report->counts, e);
+    free(trace.half);
+    report->threads = own.threads;
+    report->trace_s = stopwatch_s() - started;
+    if (!status && report->counts.rows_done == 0) {
+        status = err_set(e, ERR_CANCELLED, "cancelled before a single row was done");
+    }
+    if (status) {
+        planes_free(planes);
+    }
+    return status;
+}

@@ -1,0 +1,61 @@
+/*
+ * render.h — what a fitted material looks like: a scene of painted shapes to a picture, by wavelengths.
+ *
+ * struct scene (with struct estimate in its paints) --render_planes--> struct planes (a, b, c by pixel)
+ *              --render_picture--> struct picture (codes of an RGB space, with their origin).
+ * render_planes traces; render_picture only colours, and may be called again for another illuminant, observer or S.
+ *
+ * Threads    rows are handed out in tiles; the same bits for any number of threads.
+ * Cancel     *options->cancel != 0 ends the work after the tiles under way; rows_done says how much there is.
+ * Errors     -ERR_NOMEM; -ERR_RANGE a light that no eye sees; -ERR_CANCELLED nothing was done at all.
+ * Checked    tests/unit/test_render.c
+ */
+#ifndef FIT_RENDER_RENDER_H
+#define FIT_RENDER_RENDER_H
+
+#include <signal.h>
+#include <stdint.h>
+
+#include "fit/render/features.h"
+#include "fit/render/planes.h"
+#include "fit/render/scene.h"
+
+struct render_options {
+    int threads;                         /* 0: as many as there are processors */
+    bool all_features;                   /* nothing is left out */
+    bool progress;                       /* a bar on stderr */
+    const volatile sig_atomic_t *cancel; /* or NULL */
+};
+
+struct render_counts {
+    uint64_t camera_rays, hits, shadow_rays, negative_diffuse; /* a < 0, set to 0 */
+    int rows_done;
+};
+
+struct render_report {
+    struct features features;
+    struct render_counts counts;
+    double trace_s;
+    int threads;
+};
+
+struct picture { /* rgb[3 * height * width] by rows from the top: codes of 8 or 16 bits, each in a uint16_t */
+    int width, height, bits;
+    enum colour_space space;
+    uint16_t *rgb;
+    uint64_t clipped, out_of_gamut; /* pixels with a channel above 1; below 0 */
+    double max_y;                   /* before exposure */
+    double white[3];                /* XYZ of the perfect diffuser under the scene's lights, Y = 1 */
+};
+
+int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
+                  struct render_report *report, struct err *e);
+/* by_wavelength: 81 sums for each pixel instead of the matrices, which hold the same (colour.h). */
+int render_picture(const struct scene *scene, const struct planes *planes, bool by_wavelength,
+                   struct picture *picture, struct err *e);
+/* XYZ of every pixel, [3 * height * width], before exposure and adaptation. */
+int render_xyz(const struct scene *scene, const struct planes *planes, bool by_wavelength, double *xyz,
+               struct err *e);
+void picture_free(struct picture *picture);
+
+#endif

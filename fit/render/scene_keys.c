@@ -1,0 +1,327 @@
+#include "fit/render/scene_keys.h"
+
+#include <stddef.h>
+
+#include "fit/render/scene.h"
+
+#define SIZE_MAX_MM 1e6
+#define AT_SCENE(field) offsetof(struct scene, field)
+#define AT_MATERIAL(field) offsetof(struct scene_material, field)
+#define AT_SHAPE(field) offsetof(struct shape, field)
+#define AT_LIGHT(field) offsetof(struct light, field)
+#define AT_CAMERA(field) offsetof(struct camera, field)
+#define AT_IMAGE(field) offsetof(struct scene_image, field)
+
+/* Three numbers; count: of those read. */
+#define VECTOR(key, where, count, before, text)                                                              \
+    {                                                                                                        \
+        .name = key, .type = YAML_DOUBLES, .offset = where, .count_offset = count, .capacity = 3,            \
+        .minimum = 3, .low = -SIZE_MAX_MM, .high = SIZE_MAX_MM, .default_text = before, .doc = text          \
+    }
+#define LENGTH(key, where, needed, before, text)                                                             \
+    {                                                                                                        \
+        .name = key, .type = YAML_DOUBLE, .offset = where, .low = 1e-6, .high = SIZE_MAX_MM,                 \
+        .required = needed, .default_text = before, .unit = "mm", .doc = text                                \
+    }
+#define PARAMETER(key, field, lowest, before, text)                                                          \
+    {                                                                                                        \
+        .name = key, .type = YAML_DOUBLE, .offset = AT_MATERIAL(field), .low = lowest, .high = 1e50,         \
+        .default_text = before, .doc = text                                                                  \
+    }
+
+const char *const scene_models[] = {"lambert", "oren-nayar", "eq1", "composite", NULL};
+static const char *const observers[] = {"1931-2deg", "1964-10deg", NULL};
+static const char *const spaces[] = {"srgb", "display-p3", "adobe-rgb", NULL};
+static const char *const adaptations[] = {"none", "von-kries", "bradford", "cat16", NULL};
+
+static const struct yaml_key material_keys[] = {
+    {.name = "name",
+     .type = YAML_STRING,
+     .offset = AT_MATERIAL(name),
+     .size = sizeof((struct scene_material *)0)->name,
+     .required = true,
+     .doc = "what shapes call it"},
+    {.name = "session",
+     .type = YAML_STRING,
+     .offset = AT_MATERIAL(session),
+     .size = sizeof((struct scene_material *)0)->session,
+     .doc = "a session file: its last estimate; or the keys below"},
+    {.name = "spectrum",
+     .type = YAML_STRING,
+     .offset = AT_MATERIAL(spectrum),
+     .size = sizeof((struct scene_material *)0)->spectrum,
+     .doc = "CSV `lambda_nm,value`: S(lambda)"},
+    {.name = "uniform",
+     .type = YAML_DOUBLE,
+     .offset = AT_MATERIAL(uniform),
+     .high = 1e6,
+     .set_offset = AT_MATERIAL(has_uniform) + 1,
+     .doc = "the same S at all wavelengths, instead of a spectrum"},
+    {.name = "model",
+     .type = YAML_CHOICE,
+     .offset = AT_MATERIAL(model),
+     .choices = scene_models,
+     .default_text = "composite",
+     .doc = "reflection model"},
+    PARAMETER("sigma", sigma, 0, "0", "diffuse roughness"),
+    PARAMETER("gamma", gamma, 1e-9, "0.1", "specular roughness"),
+    PARAMETER("beta_prime", beta_prime, 0, "0", "specular coefficient"),
+    PARAMETER("n", n, 1, "1.5", "refractive index"),
+    PARAMETER("kappa", kappa, 0, "1", "of the interreflection; pi is the paper's printed form"),
+    {0}};
+
+#define PLACED                                                                                               \
+    {.name = "material",                                                                                     \
+     .type = YAML_STRING,                                                                                    \
+     .offset = AT_SHAPE(material),                                                                           \
+     .size = sizeof((struct shape *)0)->material,                                                            \
+     .required = true,                                                                                       \
+     .doc = "the name of a material"},                                                                       \
+        VECTOR("at_mm", AT_SHAPE(at_mm), AT_SHAPE(n_at), "[0, 0, 0]", "place of its centre"),                \
+        VECTOR("turn_deg", AT_SHAPE(turn_deg), AT_SHAPE(n_turn), "[0, 0, 0]",                                \
+               "turned about x, then y, then z")
+
+static const struct yaml_key cylinder_keys[] = {
+    PLACED,
+    LENGTH("radius_mm", AT_SHAPE(cylinder.radius_mm), true, NULL, "radius"),
+    LENGTH("length_mm", AT_SHAPE(cylinder.length_mm), true, NULL, "length, along y"),
+    {.name = "open",
+     .type = YAML_BOOL,
+     .offset = AT_SHAPE(cylinder.open),
+     .default_text = "false",
+     .doc = "without the discs at its ends"},
+    {0}};
+
+static const struct yaml_key sphere_keys[] = {
+    PLACED, LENGTH("radius_mm", AT_SHAPE(sphere.radius_mm), true, NULL, "radius"), {0}};
+
+#define SHAPE(key, kind, table, text)                                                                        \
+    {                                                                                                        \
+        .name = key, .type = YAML_MAP, .offset = 0, .keys = table,                                           \
+        .set_offset = AT_SHAPE(given) + (kind) * sizeof(bool) + 1, .doc = text                               \
+    }
+
+static const struct yaml_key shape_keys[] = {
+    SHAPE("cylinder", SHAPE_CYLINDER, cylinder_keys, "a painted cylinder, upright without a turn"),
+    SHAPE("sphere", SHAPE_SPHERE, sphere_keys, "a painted sphere"),
+    {0}};
+
+static int read_theta(struct yaml_reader *r, const struct yaml_node *node, void *object);
+
+static const struct yaml_key beam_keys[] = {
+    {.name = "theta_deg",
+     .type = YAML_CUSTOM,
+     .custom = read_theta,
+     .required = true,
+     .unit = "deg",
+     .doc = "angle from the z axis; a list or {from, to, step} makes a series of pictures"},
+    {.name = "azimuth_deg",
+     .type = YAML_DOUBLE,
+     .offset = AT_LIGHT(azimuth_deg),
+     .low = -360,
+     .high = 360,
+     .default_text = "0",
+     .unit = "deg",
+     .doc = "where it comes from: 0 right, 90 above, 180 left"},
+    {.name = "spd",
+     .type = YAML_STRING,
+     .offset = AT_LIGHT(spd_name),
+     .size = sizeof((struct light *)0)->spd_name,
+     .default_text = "D65",
+     .doc = "A, D50, D65, F2, F7, F11, a daylight as \"5003 K\", or a file NAME.csv with lambda_nm,value"},
+    {.name = "weight",
+     .type = YAML_DOUBLE,
+     .offset = AT_LIGHT(weight),
+     .low = 0,
+     .high = 1e6,
+     .default_text = "1",
+     .doc = "its illuminance, relative to the other lights"},
+    {0}};
+
+static const struct yaml_key light_keys[] = {{.name = "beam",
+                                              .type = YAML_MAP,
+                                              .offset = 0,
+                                              .keys = beam_keys,
+                                              .set_offset = AT_LIGHT(given) + 1,
+                                              .doc = "parallel light"},
+                                             {0}};
+
+static const struct yaml_key orthographic_keys[] = {
+    VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
+           "the middle of the picture"),
+    VECTOR("from", AT_CAMERA(from), AT_CAMERA(n_from), "[0, 0, 1]", "direction towards the camera"),
+    VECTOR("up", AT_CAMERA(up), AT_CAMERA(n_up), "[0, 1, 0]", "what is up in the picture"),
+    LENGTH("height_mm", AT_CAMERA(height_mm), true, NULL, "height of what is seen"),
+    {0}};
+
+static const struct yaml_key perspective_keys[] = {
+    VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
+           "the middle of the picture"),
+    VECTOR("position_mm", AT_CAMERA(position_mm), AT_CAMERA(n_position), NULL, "where the camera stands"),
+    VECTOR("up", AT_CAMERA(up), AT_CAMERA(n_up), "[0, 1, 0]", "what is up in the picture"),
+    {.name = "height_deg",
+     .type = YAML_DOUBLE,
+     .offset = AT_CAMERA(height_deg),
+     .low = 0.001,
+     .high = 170,
+     .default_text = "30",
+     .unit = "deg",
+     .doc = "vertical angle of view"},
+    {0}};
+
+#define CAMERA(key, kind, table, text)                                                                       \
+    {                                                                                                        \
+        .name = key, .type = YAML_MAP, .offset = 0, .keys = table,                                           \
+        .set_offset = AT_CAMERA(given) + (kind) * sizeof(bool) + 1, .doc = text                              \
+    }
+
+static const struct yaml_key camera_keys[] = {
+    CAMERA("orthographic", CAMERA_ORTHOGRAPHIC, orthographic_keys, "parallel rays"),
+    CAMERA("perspective", CAMERA_PERSPECTIVE, perspective_keys, "rays from one point"),
+    {0}};
+
+#define COUNT(key, field, lowest, highest, before, text)                                                     \
+    {                                                                                                        \
+        .name = key, .type = YAML_INT, .offset = AT_IMAGE(field), .low = lowest, .high = highest,            \
+        .default_text = before, .doc = text                                                                  \
+    }
+#define CHOICE(key, field, names, before, text)                                                              \
+    {                                                                                                        \
+        .name = key, .type = YAML_CHOICE, .offset = AT_IMAGE(field), .choices = names,                       \
+        .default_text = before, .doc = text                                                                  \
+    }
+
+static const struct yaml_key image_keys[] = {
+    COUNT("width", width, 1, 16384, "400", "pixels"),
+    COUNT("height", height, 1, 16384, "400", "pixels"),
+    COUNT("grid", grid, 1, 64, "4", "grid x grid samples in each pixel"),
+    CHOICE("observer", observer, observers, "1931-2deg", "whose colour matching functions"),
+    CHOICE("space", space, spaces, "srgb", "the RGB space of the picture"),
+    CHOICE("adaptation", adaptation, adaptations, "bradford", "from the light's white to that of the space"),
+    {.name = "bits",
+     .type = YAML_INT,
+     .offset = AT_IMAGE(bits),
+     .low = 8,
+     .high = 16,
+     .default_text = "8",
+     .doc = "of each channel: 8 or 16"},
+    {.name = "exposure",
+     .type = YAML_DOUBLE,
+     .offset = AT_IMAGE(exposure),
+     .low = 1e-9,
+     .high = 1e9,
+     .default_text = "1",
+     .doc = "Y of the perfect diffuser facing the light, in the picture"},
+    {0}};
+
+const struct yaml_key scene_keys[] = {{.name = "name",
+                                       .type = YAML_STRING,
+                                       .offset = AT_SCENE(name),
+                                       .size = sizeof((struct scene *)0)->name,
+                                       .doc = "what it is, for people"},
+                                      {.name = "materials",
+                                       .type = YAML_LIST,
+                                       .offset = AT_SCENE(material),
+                                       .size = sizeof(struct scene_material),
+                                       .count_offset = AT_SCENE(n_paints),
+                                       .capacity = SCENE_PAINTS,
+                                       .keys = material_keys,
+                                       .doc = "what the shapes are painted with"},
+                                      {.name = "shapes",
+                                       .type = YAML_LIST,
+                                       .offset = AT_SCENE(shape),
+                                       .size = sizeof(struct shape),
+                                       .count_offset = AT_SCENE(n_shapes),
+                                       .capacity = SCENE_SHAPES,
+                                       .keys = shape_keys,
+                                       .doc = "each a mapping with one key, its kind"},
+                                      {.name = "lights",
+                                       .type = YAML_LIST,
+                                       .offset = AT_SCENE(light),
+                                       .size = sizeof(struct light),
+                                       .count_offset = AT_SCENE(n_lights),
+                                       .capacity = SCENE_LIGHTS,
+                                       .keys = light_keys,
+                                       .doc = "each a mapping with one key, its kind"},
+                                      {.name = "camera",
+                                       .type = YAML_MAP,
+                                       .offset = AT_SCENE(camera),
+                                       .keys = camera_keys,
+                                       .required = true,
+                                       .doc = "a mapping with one key, its kind"},
+                                      {.name = "image",
+                                       .type = YAML_MAP,
+                                       .offset = AT_SCENE(image),
+                                       .keys = image_keys,
+                                       .default_text = "{}",
+                                       .doc = "the picture"},
+                                      {0}};
+
+static void add_theta(struct yaml_reader *r, const struct yaml_node *node, struct light *light, double deg) {
+    if (!(deg >= -180 && deg <= 180)) {
+        yaml_error(r, node, "%g deg is outside -180 .. 180 deg", deg);
+    } else if (light->n_theta == LIGHT_ANGLES) {
+        yaml_error(r, node, "more than %d angles in one series", LIGHT_ANGLES);
+    } else {
+        light->theta_deg[light->n_theta++] = deg;
+    }
+}
+
+struct sweep {
+    double from, to, step;
+};
+
+static const struct yaml_key sweep_keys[] = {{.name = "from",
+                                              .type = YAML_DOUBLE,
+                                              .offset = offsetof(struct sweep, from),
+                                              .required = true,
+                                              .unit = "deg",
+                                              .doc = "first angle"},
+                                             {.name = "to",
+                                              .type = YAML_DOUBLE,
+                                              .offset = offsetof(struct sweep, to),
+                                              .required = true,
+                                              .unit = "deg",
+                                              .doc = "last angle"},
+                                             {.name = "step",
+                                              .type = YAML_DOUBLE,
+                                              .offset = offsetof(struct sweep, step),
+                                              .low = 0.01,
+                                              .high = 360,
+                                              .required = true,
+                                              .unit = "deg",
+                                              .doc = "from one picture to the next"},
+                                             {0}};
+
+static void read_sweep(struct yaml_reader *r, const struct yaml_node *node, struct light *light) {
+    struct sweep sweep = {0};
+    if (yaml_read_map(r, node, sweep_keys, &sweep)) {
+        return;
+    }
+    int last = (int)floor((sweep.to - sweep.from) / sweep.step + 1e-9);
+    if (last < 0) {
+        yaml_error(r, node, "from %g to %g deg runs backwards: `from` is the smaller angle", sweep.from,
+                   sweep.to);
+    }
+    for (int i = 0; i <= last && i <= LIGHT_ANGLES; i++) {
+        add_theta(r, node, light, sweep.from + i * sweep.step);
+    }
+}
+
+static int read_theta(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    struct light *light = object;
+    double deg;
+    light->n_theta = 0;
+    if (yaml_is_map(node)) {
+        read_sweep(r, node, light);
+    } else if (yaml_is_list(node)) {
+        for (size_t i = 0; i < yaml_count(node); i++) {
+            if (yaml_read_double(r, yaml_item(node, i), &deg) == 0) {
+                add_theta(r, yaml_item(node, i), light, deg);
+            }
+        }
+    } else if (yaml_read_double(r, node, &deg) == 0) {
+        add_theta(r, node, light, deg);
+    }
+    return 0;
+}

@@ -1,0 +1,9 @@
+#include "fit/render/stopwatch.h"
+
+#include <time.h>
+
+double stopwatch_s(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}

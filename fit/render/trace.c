@@ -1,0 +1,200 @@
+#include "fit/render/trace.h"
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/render/progress.h"
+
+#define THREADS_MAX 256
+
+struct tile {
+    struct render_counts counts;
+    struct planes_extra *extra;
+    size_t n_extra, capacity;
+};
+
+struct work { /* one picture, shared by all threads */
+    const struct trace *trace;
+    trace_integrator *integrator;
+    const struct render_options *options;
+    struct planes *planes;
+    struct tile *tile;
+    int n_tiles;
+    atomic_int next, finished;
+    atomic_bool out_of_memory;
+    pthread_mutex_t lock; /* of the progress bar */
+    struct progress progress;
+};
+
+struct pixel { /* sums over its samples, one entry for each paint it shows */
+    int n;
+    struct trace_sample sum[SCENE_PAINTS];
+};
+
+static void add_sample(struct pixel *pixel, const struct trace_sample *sample, int sets) {
+    int i = 0;
+    while (i < pixel->n && pixel->sum[i].paint != sample->paint) {
+        i++;
+    }
+    if (i == pixel->n) {
+        pixel->sum[pixel->n].paint = sample->paint;
+        memset(pixel->sum[pixel->n].set, 0, (size_t)sets * sizeof sample->set[0]);
+        pixel->n++;
+    }
+    for (int j = 0; j < sets; j++) {
+        pixel->sum[i].set[j].a += sample->set[j].a;
+        pixel->sum[i].set[j].b += sample->set[j].b;
+        pixel->sum[i].set[j].c += sample->set[j].c;
+    }
+}
+
+static struct shade_abc mean_of(const struct shade_abc *sum, double part) {
+    return (struct shade_abc){sum->a * part, sum->b * part, sum->c * part};
+}
+
+static bool keep_extra(struct tile *tile, const struct planes_extra *extra) {
+    if (tile->n_extra == tile->capacity) {
+        size_t capacity = tile->capacity ? 2 * tile->capacity : 64;
+        struct planes_extra *grown = realloc(tile->extra, capacity * sizeof *grown);
+        if (!grown) {
+            return false;
+        }
+        tile->extra = grown;
+        tile->capacity = capacity;
+    }
+    tile->extra[tile->n_extra++] = *extra;
+    return true;
+}
+
+static bool store_pixel(struct work *w, struct tile *tile, size_t at, const struct pixel *pixel,
+                        double part) {
+    struct planes *p = w->planes;
+    bool kept = true;
+    if (pixel->n > 0) {
+        p->paint[at] = (int16_t)pixel->sum[0].paint;
+        for (int j = 0; j < p->n_sets; j++) {
+            struct shade_abc mean = mean_of(&pixel->sum[0].set[j], part);
+            p->set[j].a[at] = mean.a;
+            if (p->set[j].b) {
+                p->set[j].b[at] = mean.b;
+            }
+            if (p->set[j].c) {
+                p->set[j].c[at] = mean.c;
+            }
+        }
+    }
+    for (int i = 1; i < pixel->n && kept; i++) {
+        for (int j = 0; j < p->n_sets && kept; j++) {
+            struct planes_extra extra = {(uint32_t)at, (int16_t)pixel->sum[i].paint, (int16_t)j,
+                                         mean_of(&pixel->sum[i].set[j], part)};
+            kept = keep_extra(tile, &extra);
+        }
+    }
+    return kept;
+}
+
+static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
+                        struct render_counts *counts) {
+    const struct scene *scene = w->trace->scene;
+    int grid = scene->image.grid;
+    struct trace_sample sample;
+    pixel->n = 0;
+    for (int j = 0; j < grid; j++) {
+        for (int i = 0; i < grid; i++) {
+            struct ray ray = camera_ray(&scene->camera, x + (i + 0.5) / grid, y + (j + 0.5) / grid);
+            w->integrator(w->trace, &ray, &sample, counts);
+            if (sample.paint >= 0) {
+                add_sample(pixel, &sample, w->planes->n_sets);
+            }
+        }
+    }
+}
+
+static void trace_tile(struct work *w, int index) {
+    struct tile *tile = &w->tile[index];
+    int first = index * TRACE_TILE_ROWS, last = first + TRACE_TILE_ROWS, width = w->planes->width;
+    double part = 1.0 / (w->trace->scene->image.grid * w->trace->scene->image.grid);
+    struct pixel pixel;
+    last = last < w->planes->height ? last : w->planes->height;
+    for (int y = first; y < last; y++) {
+        for (int x = 0; x < width; x++) {
+            trace_pixel(w, x, y, &pixel, &tile->counts);
+            if (!store_pixel(w, tile, (size_t)y * (size_t)width + (size_t)x, &pixel, part)) {
+                atomic_store(&w->out_of_memory, true);
+                return;
+            }
+        }
+    }
+    tile->counts.rows_done = last - first;
+}
+
+static void *run_thread(void *argument) {
+    struct work *w = argument;
+    for (;;) {
+        bool stop = (w->options->cancel && *w->options->cancel) || atomic_load(&w->out_of_memory);
+        int index = atomic_fetch_add(&w->next, 1);
+        if (stop || index >= w->n_tiles) {
+            return NULL;
+        }
+        trace_tile(w, index);
+        int finished = atomic_fetch_add(&w->finished, 1) + 1;
+        if (w->progress.on && pthread_mutex_trylock(&w->lock) == 0) {
+            progress_show(&w->progress, finished / (double)w->n_tiles);
+            pthread_mutex_unlock(&w->lock);
+        }
+    }
+}
+
+static void run_threads(struct work *w, int threads) {
+    pthread_t thread[THREADS_MAX];
+    int started = 0;
+    threads = threads < THREADS_MAX ? threads : THREADS_MAX;
+    /* A thread that cannot be had is no error: the others do its part. */
+    while (started < threads - 1 && pthread_create(&thread[started], NULL, run_thread, w) == 0) {
+        started++;
+    }
+    run_thread(w);
+    for (int i = 0; i < started; i++) {
+        pthread_join(thread[i], NULL);
+    }
+}
+
+/* In the order of tiles, whoever did them. */
+static int gather(struct work *w, struct render_counts *counts, struct err *e) {
+    int status = 0;
+    *counts = (struct render_counts){0};
+    for (int i = 0; i < w->n_tiles; i++) {
+        const struct tile *tile = &w->tile[i];
+        counts->camera_rays += tile->counts.camera_rays;
+        counts->hits += tile->counts.hits;
+        counts->shadow_rays += tile->counts.shadow_rays;
+        counts->negative_diffuse += tile->counts.negative_diffuse;
+        counts->rows_done += tile->counts.rows_done;
+        status = status ? status : planes_add_extra(w->planes, tile->extra, tile->n_extra, e);
+        free(tile->extra);
+    }
+    if (!status && atomic_load(&w->out_of_memory)) {
+        status = err_set(e, ERR_NOMEM, "no memory for pixels that show several paints");
+    }
+    return status;
+}
+
+int trace_run(const struct trace *trace, trace_integrator *integrator, const struct render_options *options,
+              struct planes *planes, struct render_counts *counts, struct err *e) {
+    struct work w = {.trace = trace, .integrator = integrator, .options = options, .planes = planes};
+    w.n_tiles = (planes->height + TRACE_TILE_ROWS - 1) / TRACE_TILE_ROWS;
+    w.tile = calloc((size_t)w.n_tiles, sizeof *w.tile);
+    if (!w.tile) {
+        return err_set(e, ERR_NOMEM, "no memory for %d tiles", w.n_tiles);
+    }
+    pthread_mutex_init(&w.lock, NULL);
+    progress_start(&w.progress, options->progress);
+    run_threads(&w, options->threads);
+    progress_end(&w.progress);
+    pthread_mutex_destroy(&w.lock);
+    int status = gather(&w, counts, e);
+    free(w.tile);
+    return status;
+}

@@ -1,0 +1,84 @@
+#include "fit/render/trace.h"
+
+#define LIFT 1e-9 /* a shadow ray begins this part of the scene's size above its surface */
+
+static bool nearest_hit(const struct scene *scene, const struct ray *ray, struct hit *hit) {
+    hit->t_mm = INFINITY;
+    hit->shape = -1;
+    for (int i = 0; i < scene->n_shapes; i++) {
+        if (shape_hit(&scene->shape[i], ray, hit)) {
+            hit->shape = i;
+        }
+    }
+    return hit->shape >= 0;
+}
+
+static bool in_shadow(const struct trace *t, const struct hit *hit, struct vec3 l,
+                      struct render_counts *counts) {
+    struct hit other;
+    struct ray ray = {hit->position, l, LIFT * t->scene->camera.reach_mm};
+    counts->shadow_rays++;
+    return nearest_hit(t->scene, &ray, &other);
+}
+
+/* The mask is a literal in each case, so that the compiler drops what is not in it. */
+static struct shade_abc shade_by(unsigned features, const struct shade_paint *p,
+                                 const struct shade_half *half, struct vec3 n, struct vec3 l, struct vec3 v) {
+    switch (features) {
+#define CASE(mask)                                                                                           \
+    case mask:                                                                                               \
+        return shade(mask, p, half, n, l, v);
+        CASE(0)
+        CASE(SHADE_SIGMA)
+        CASE(SHADE_SPECULAR)
+        CASE(SHADE_SPECULAR | SHADE_SIGMA)
+        CASE(SHADE_SPECULAR | SHADE_HOISTED)
+        CASE(SHADE_SPECULAR | SHADE_SIGMA | SHADE_HOISTED)
+        CASE(SHADE_SPECULAR | SHADE_HOISTED | SHADE_LOBE_CUT)
+        CASE(SHADE_SPECULAR | SHADE_SIGMA | SHADE_HOISTED | SHADE_LOBE_CUT)
+        CASE(SHADE_SIGMA | SHADE_HOISTED)
+#undef CASE
+    default: /* whatever is not listed is the whole model */
+        return shade(SHADE_SIGMA | SHADE_SPECULAR, p, half, n, l, v);
+    }
+}
+
+void trace_direct(const struct trace *t, const struct ray *ray, struct trace_sample *sample,
+                  struct render_counts *counts) {
+    const struct scene *scene = t->scene;
+    struct hit hit;
+    counts->camera_rays++;
+    sample->paint = -1;
+    if (!nearest_hit(scene, ray, &hit)) {
+        return;
+    }
+    counts->hits++;
+    sample->paint = hit.paint;
+    const struct paint *paint = &scene->paint[hit.paint];
+    struct vec3 v = vec3_scale(ray->direction, -1);
+    for (int j = 0; j < scene->n_spds; j++) {
+        sample->set[j] = (struct shade_abc){0, 0, 0};
+    }
+    for (int i = 0; i < scene->n_lights; i++) {
+        const struct light *light = &scene->light[i];
+        if (light->share == 0 && !t->dark_lights) {
+            continue;
+        }
+        struct shade_abc x = shade_by(t->shade_features, &paint->shade, &t->half[hit.paint][i], hit.normal,
+                                      light->direction, v);
+        if (x.a == 0 && x.c == 0) {
+            continue;
+        }
+        if (t->shadow_rays && in_shadow(t, &hit, light->direction, counts)) {
+            continue;
+        }
+        if (x.a < 0) { /* Oren and Nayar's fit, forward and very rough */
+            counts->negative_diffuse++;
+            x.a = 0;
+        }
+        struct shade_abc *sum = &sample->set[light->spd];
+        sum->a += light->share * x.a;
+        sum->b += light->share * x.b;
+        sum->c += light->share * x.c;
+    }
+}
