@@ -14,8 +14,10 @@
 
 static const char help[] =
     "usage: goniorender render SCENE.yaml -o FILE.png [--report R.json] [--all-features] [--threads N]\n"
+    "                          [--session MATERIAL=FILE]...\n"
     "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
+    "  --session M=FILE  this session for the material M, whatever the scene names\n"
     "  --report R.json   what the picture carries as its origin, and the seconds it took\n"
     "  --all-features    leaves nothing out that the scene does not need\n"
     "  --threads N       default: one for each processor; the picture is the same for any number\n"
@@ -24,6 +26,8 @@ static const char help[] =
 struct options {
     const char *scene, *output, *report;
     struct render_options render;
+    struct scene_session session[SCENE_PAINTS];
+    int n_sessions;
 };
 
 static int take_threads(const char *text, struct options *o, struct err *e) {
@@ -35,12 +39,29 @@ static int take_threads(const char *text, struct options *o, struct err *e) {
     return 0;
 }
 
+/* Cuts the word at its first `=`; argv is ours. */
+static int take_session(char *text, struct options *o, struct err *e) {
+    char *equals = strchr(text, '=');
+    if (!equals || equals == text || !equals[1]) {
+        return err_set(e, ERR_USAGE, "--session is MATERIAL=FILE, not '%s'", text);
+    }
+    if (o->n_sessions == SCENE_PAINTS) {
+        return err_set(e, ERR_USAGE, "--session is given more than %d times", SCENE_PAINTS);
+    }
+    *equals = 0;
+    o->session[o->n_sessions++] = (struct scene_session){text, equals + 1};
+    return 0;
+}
+
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
-    static const struct option known[] = {
-        {"output", required_argument, NULL, 'o'}, {"report", required_argument, NULL, 'r'},
-        {"all-features", no_argument, NULL, 'a'}, {"threads", required_argument, NULL, 't'},
-        {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0}};
+    static const struct option known[] = {{"output", required_argument, NULL, 'o'},
+                                          {"report", required_argument, NULL, 'r'},
+                                          {"all-features", no_argument, NULL, 'a'},
+                                          {"threads", required_argument, NULL, 't'},
+                                          {"session", required_argument, NULL, 's'},
+                                          {"help", no_argument, NULL, 'h'},
+                                          {NULL, 0, NULL, 0}};
     int status = 0;
     optind = 1;
     for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
@@ -53,6 +74,9 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             break;
         case 'a':
             o->render.all_features = true;
+            break;
+        case 's':
+            status = take_session(optarg, o, e);
             break;
         case 't':
             status = take_threads(optarg, o, e);
@@ -192,19 +216,21 @@ int command_render(int argc, char **argv) {
     struct err e = {0};
     struct err_list errors = {0};
     double started = stopwatch_s();
+    job.line = command_line(argc, argv); /* before any word is cut */
     int status = read_options(argc, argv, &job.options, &e);
     if (status) {
+        free(job.line);
         return status > 0 ? 0 : command_complain("render", &e);
     }
-    job.scene = scene_read(job.options.scene, &errors);
+    job.scene = scene_read(job.options.scene, job.options.session, job.options.n_sessions, &errors);
     if (!job.scene) {
+        free(job.line);
         return command_complain_all(&errors);
     }
     job.parse_s = stopwatch_s() - started;
     job.options.render.cancel = command_cancel();
     job.options.render.progress = isatty(STDERR_FILENO);
     job.reports = json_array();
-    job.line = command_line(argc, argv);
     print_materials(job.scene);
     status = job.line && job.reports ? render_series(&job, &e)
                                      : err_set(&e, ERR_NOMEM, "no memory for the command");

@@ -15,6 +15,8 @@ struct check { /* one scene, the places of its keys, and what is wrong */
     struct scene *scene;
     struct yaml_places places;
     struct err_list *errors;
+    const struct scene_session *sessions;
+    int n_sessions;
 };
 
 static void complain(struct check *c, const char *path, const char *format, ...)
@@ -91,11 +93,38 @@ static void material_of_parameters(struct check *c, const char *at, const struct
     }
 }
 
+static const char *instead(const struct check *c, const char *material) {
+    for (int i = 0; i < c->n_sessions; i++) {
+        if (strcmp(c->sessions[i].material, material) == 0) {
+            return c->sessions[i].path;
+        }
+    }
+    return NULL;
+}
+
+static void material_of_session(struct check *c, int i) {
+    const struct scene_material *m = &c->scene->material[i];
+    const char *other = instead(c, m->name);
+    char at[96], path[1024];
+    struct err e = {0};
+    snprintf(at, sizeof at, "materials[%d].session", i);
+    if (m->spectrum[0] || m->has_uniform) {
+        complain(c, at, "material %s has a session and a spectrum; which of them is it?", m->name);
+    }
+    if (other) {
+        snprintf(path, sizeof path, "%s", other);
+    } else {
+        join(path, sizeof path, c->scene->folder, m->session);
+    }
+    if (paint_from_session(&c->scene->paint[i], path, &e)) {
+        complain(c, at, "%.400s", e.text);
+    }
+}
+
 static void check_material(struct check *c, int i) {
     const struct scene_material *m = &c->scene->material[i];
     struct paint *paint = &c->scene->paint[i];
-    char at[96], path[1024];
-    struct err e = {0};
+    char at[96];
     snprintf(at, sizeof at, "materials[%d].name", i);
     memcpy(paint->name, m->name, sizeof paint->name);
     for (int k = 0; k < i; k++) {
@@ -103,17 +132,26 @@ static void check_material(struct check *c, int i) {
             complain(c, at, "there is a material %s already", m->name);
         }
     }
-    if (!m->session[0]) {
+    if (m->session[0]) {
+        material_of_session(c, i);
+    } else {
         material_of_parameters(c, at, m, paint);
-        return;
     }
-    snprintf(at, sizeof at, "materials[%d].session", i);
-    if (m->spectrum[0] || m->has_uniform) {
-        complain(c, at, "material %s has a session and a spectrum; which of them is it?", m->name);
-    }
-    join(path, sizeof path, c->scene->folder, m->session);
-    if (paint_from_session(paint, path, &e)) {
-        complain(c, at, "%.400s", e.text);
+}
+
+/* A wish that meets no material is a slip of the pen. */
+static void check_sessions(struct check *c) {
+    for (int i = 0; i < c->n_sessions; i++) {
+        bool met = false;
+        for (int k = 0; k < c->scene->n_paints; k++) {
+            const struct scene_material *m = &c->scene->material[k];
+            met = met || (m->session[0] && strcmp(m->name, c->sessions[i].material) == 0);
+        }
+        if (!met) {
+            complain(c, "materials",
+                     "--session names the material %s; there is none of that name with a session",
+                     c->sessions[i].material);
+        }
     }
 }
 
@@ -163,6 +201,7 @@ static void check_light(struct check *c, int i) {
     snprintf(at, sizeof at, "lights[%d]", i);
     int kind = only_kind(c, at, light->given, LIGHT_KINDS);
     if (kind < 0) {
+        light->weight = 1; /* that it gives no light is not its mistake */
         return;
     }
     light->kind = (enum light_kind)kind;
@@ -217,6 +256,7 @@ static void check_scene(struct check *c) {
     for (int i = 0; i < scene->n_paints; i++) {
         check_material(c, i);
     }
+    check_sessions(c);
     for (int i = 0; i < scene->n_shapes; i++) {
         check_shape(c, i);
     }
@@ -237,9 +277,10 @@ static void set_names(struct scene *scene, const char *path) {
     }
 }
 
-struct scene *scene_read_text(const char *path, const char *text, size_t size, struct err_list *errors) {
+struct scene *scene_read_text(const char *path, const char *text, size_t size,
+                              const struct scene_session *sessions, int n_sessions, struct err_list *errors) {
     struct scene *scene = calloc(1, sizeof *scene);
-    struct check check = {.scene = scene, .errors = errors};
+    struct check check = {.scene = scene, .errors = errors, .sessions = sessions, .n_sessions = n_sessions};
     size_t first = errors->n;
     struct err e = {0};
     if (!scene) {
@@ -261,7 +302,8 @@ struct scene *scene_read_text(const char *path, const char *text, size_t size, s
     return scene;
 }
 
-struct scene *scene_read(const char *path, struct err_list *errors) {
+struct scene *scene_read(const char *path, const struct scene_session *sessions, int n_sessions,
+                         struct err_list *errors) {
     char *text = NULL;
     size_t size = 0;
     struct err e = {0};
@@ -269,7 +311,7 @@ struct scene *scene_read(const char *path, struct err_list *errors) {
         err_list_add(errors, &e);
         return NULL;
     }
-    struct scene *scene = scene_read_text(path, text, size, errors);
+    struct scene *scene = scene_read_text(path, text, size, sessions, n_sessions, errors);
     free(text);
     return scene;
 }

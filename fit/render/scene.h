@@ -49,9 +49,15 @@ struct scene {
     int n_pictures; /* of a series; 1 otherwise */
 };
 
+struct scene_session {           /* takes the place of the session of a material, as a command line wishes */
+    const char *material, *path; /* path: from where the command runs */
+};
+
 /* malloc, for scene_free; NULL and errors when something is wrong. */
-struct scene *scene_read(const char *path, struct err_list *errors);
-struct scene *scene_read_text(const char *path, const char *text, size_t size, struct err_list *errors);
+struct scene *scene_read(const char *path, const struct scene_session *sessions, int n_sessions,
+                         struct err_list *errors);
+struct scene *scene_read_text(const char *path, const char *text, size_t size,
+                              const struct scene_session *sessions, int n_sessions, struct err_list *errors);
 void scene_free(struct scene *scene);
 /* Turns the lights to picture 0, 1, ... of the series. */
 void scene_aim(struct scene *scene, int picture);

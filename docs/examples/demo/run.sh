@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The demo: four painted samples measured on the simulated goniometer through the real drivers, fitted and plotted.
-#   run.sh BUILD [OUT]      BUILD holds goniod and gonioctl; figures and sessions go to OUT (default BUILD/demo)
+#   run.sh BUILD [OUT]      BUILD holds goniod, gonioctl and goniorender; figures and sessions go to OUT (default BUILD/demo)
 set -eu
 build=$(cd "$1" && pwd)
 out=${2:-$build/demo}
@@ -36,3 +36,10 @@ worst = max(pulls)
 print(f"largest |pull| of {len(pulls)}: {worst[0]:.2f} ({worst[1]} {worst[2]}); above 5 would be a failure")
 sys.exit(worst[0] > 5)
 PY
+echo
+echo "The paper's Fig. 8, from these sessions:"
+"$build/goniorender" render "$jobs/../scenes/fig8.yaml" -o "$out/figures/fig8.png" --report "$out/fig8.json" \
+    --session "water-0=$GONIOD_SESSIONS/${sessions[1]}.gonio" \
+    --session "water-60=$GONIOD_SESSIONS/${sessions[2]}.gonio" \
+    --session "water-90=$GONIOD_SESSIONS/${sessions[3]}.gonio" >"$out/fig8.txt"
+echo "$out/figures/fig8.png"

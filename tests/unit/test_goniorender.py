@@ -1,0 +1,163 @@
+"""goniorender as a person meets it: help, the example scenes at small size, a series, a report, bad input, Ctrl-C."""
+import json
+import os
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+from pathlib import Path
+
+GONIORENDER = Path(os.environ.get("BUILD", "build"), "goniorender").absolute()
+SCENES = Path("docs/examples/scenes").absolute()
+
+
+def run(*words, cwd=None):
+    done = subprocess.run([GONIORENDER, *map(str, words)], capture_output=True, text=True, timeout=60, cwd=cwd)
+    return done.returncode, done.stdout, done.stderr
+
+
+def chunks(path):
+    data = Path(path).read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    at = 8
+    while at < len(data):
+        size, name = struct.unpack(">I4s", data[at:at + 8])
+        yield name.decode(), data[at + 8:at + 8 + size]
+        at += 12 + size
+
+
+def origin_of(path):
+    for name, data in chunks(path):
+        if name == "iTXt" and data.startswith(b"goniod\0"):
+            flags = data[7]
+            text = data.split(b"\0", 5)[-1] if not flags else data[7 + 2:]
+            if flags:
+                language, keyword, text = text.split(b"\0", 2)
+                text = zlib.decompress(text)
+            return json.loads(text)
+    raise AssertionError(f"{path} carries no origin")
+
+
+def small(folder, scene, **changes):
+    """The example at small size, beside the files it names."""
+    text = (SCENES / scene).read_text()
+    for key, value in {"width": 32, "height": 24, "grid": 1, **changes}.items():
+        text = re.sub(rf"{key}: \d+", f"{key}: {value}", text)
+    for other in SCENES.glob("*"):
+        if other.suffix != ".yaml":
+            (folder / other.name).write_bytes(other.read_bytes())
+    path = folder / scene
+    path.write_text(text)
+    return path
+
+
+def test_help_and_version(folder):
+    for words in (["--help"], ["render", "--help"]):
+        code, out, err = run(*words)
+        assert code == 0 and "usage: goniorender" in out and err == ""
+    assert run("--version")[1].startswith("goniorender ")
+    assert run()[0] == 2 and run("paint")[0] == 2
+
+
+def test_every_example_renders(folder):
+    scenes = sorted(p.name for p in SCENES.glob("*.yaml") if "session:" not in p.read_text())
+    assert scenes, "no example needs no session"
+    for scene in scenes:
+        code, out, err = run("render", small(folder, scene), "-o", folder / "p.png")
+        assert code == 0, (scene, err)
+        assert "left out: " in out and "kept: " in out and "exposure: " in out
+        assert list(folder.glob("p*.png")), scene
+        for picture in folder.glob("p*.png"):
+            header = dict(chunks(picture))["IHDR"]
+            assert struct.unpack(">II", header[:8]) == (32, 24)
+            picture.unlink()
+
+
+def test_a_series_is_numbered(folder):
+    code, out, err = run("render", small(folder, "raking.yaml"), "-o", folder / "r.png", "--report", folder / "r.json")
+    assert code == 0, err
+    assert sorted(p.name for p in folder.glob("r-*.png")) == ["r-001.png", "r-002.png", "r-003.png"]
+    reports = json.loads((folder / "r.json").read_text())
+    xs = [r["lights"][0]["direction"][0] for r in reports]
+    assert xs[0] < -0.8 and abs(xs[1]) < 1e-12 and xs[2] > 0.8
+
+
+def test_a_picture_carries_its_origin(folder):
+    scene = small(folder, "cylinder.yaml")
+    code, out, err = run("render", scene, "-o", folder / "c.png", "--report", folder / "c.json")
+    assert code == 0, err
+    origin, report = origin_of(folder / "c.png"), json.loads((folder / "c.json").read_text())
+    for key in ("program", "command", "scene", "materials", "lights", "observer", "space", "adaptation", "exposure",
+                "left_out", "kept", "bound", "counts", "clipped", "out_of_gamut", "max_y", "white"):
+        assert origin[key] == report[key], key
+    assert origin["materials"][0]["parameters"]["beta_prime"] == 7.6
+    assert str(scene) in origin["command"]
+    assert set(report["seconds"]) == {"parse", "trace", "colour", "write"}
+
+
+def test_threads_and_all_features_give_the_same_picture(folder):
+    scene = small(folder, "cylinder.yaml", grid=2)
+    pixels = []
+    for words in ([], ["--threads", 1], ["--threads", 3], ["--all-features"]):
+        code, out, err = run("render", scene, "-o", folder / "t.png", *words)
+        assert code == 0, err
+        pixels.append([data for name, data in chunks(folder / "t.png") if name == "IDAT"])
+    assert pixels[0] == pixels[1] == pixels[2] == pixels[3]
+
+
+def test_bad_input_starts_nothing(folder):
+    bad = folder / "bad.yaml"
+    bad.write_text("camera: {orthographic: {height_mm: 50}}\nlights:\n  - beam: {theta: 20}\n")
+    code, out, err = run("render", bad, "-o", folder / "b.png")
+    assert code == 2 and f"{bad}:3:" in err and "theta_deg" in err and out == "", err
+    assert not (folder / "b.png").exists()
+    scene = small(folder, "cylinder.yaml")
+    for words in (["render", scene], ["render", "-o", "x.png"], ["render", scene, "-o", "x.jpg"],
+                  ["render", scene, "-o", "x.png", "--threads", "0"],
+                  ["render", scene, "-o", "x.png", "--session", "green"],
+                  ["render", scene, "-o", "x.png", "--session", "green=none.gonio"]):
+        code, out, err = run(*words, cwd=folder)
+        assert code == 2 and err and not list(folder.glob("x*")), words
+    code, out, err = run("render", scene, "-o", folder / "missing" / "x.png")
+    assert code == 1 and "cannot be written" in err
+
+
+def test_ctrl_c_keeps_what_is_done(folder):
+    scene = small(folder, "cylinder.yaml", width=600, height=4000, grid=8)
+    program = subprocess.Popen([GONIORENDER, "render", scene, "-o", folder / "i.png", "--threads", "1"],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # "material: ..." is flushed only at the end, so the kernel is asked whether it computes already.
+    deadline = time.monotonic() + 30
+    while time.monotonic() < deadline:
+        ticks = int(Path(f"/proc/{program.pid}/stat").read_text().rsplit(")", 1)[1].split()[11])
+        if ticks >= 20:
+            break
+        time.sleep(0.01)
+    program.send_signal(signal.SIGINT)
+    out, err = program.communicate(timeout=60)
+    assert program.returncode == 1 and "interrupted: " in err, err
+    rows = origin_of(folder / "i.png")["counts"]["rows_done"]
+    assert 0 < rows < 4000 and f"holds {rows} of 4000 rows" in err
+
+
+def main():
+    tests = [(name, test) for name, test in globals().items() if name.startswith("test_")]
+    print(f"1..{len(tests)}")
+    failed = 0
+    for number, (name, test) in enumerate(tests, 1):
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                test(Path(folder))
+                print(f"ok {number} - {name}")
+            except Exception as e:  # a test that breaks is a test that failed
+                failed += 1
+                print(f"not ok {number} - {name}\n# {type(e).__name__} {e}")
+    return failed > 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
