@@ -3,14 +3,18 @@
 #include <math.h>
 #include <stdlib.h>
 
-#define Z_999 3.090232306167813 /* the standard normal passes it once in 1,000 times */
-#define BETA_FLOOR 0.005        /* measurement.md 10: below it an error is judged as absolute */
+#define BETA_FLOOR 0.005 /* measurement.md 10: below it an error is judged as absolute */
 
 double quality_chi2_limit(double mean, double variance) {
     double scale = variance / (2 * mean), degrees = 2 * mean * mean / variance;
     double shrink = 2 / (9 * degrees);
-    double root = 1 - shrink + Z_999 * sqrt(shrink);
+    double root = 1 - shrink + QUALITY_Z_999 * sqrt(shrink);
     return scale * degrees * root * root * root;
+}
+
+double quality_bic(double chi2, double n, double n_effective, int n_parameters, bool u_stated) {
+    double misfit = u_stated ? chi2 * n_effective / n : n_effective * log(fmax(chi2 / n, 1e-300));
+    return misfit + n_parameters * log(n_effective);
 }
 
 double quality_r2(const struct problem *p) {

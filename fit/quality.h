@@ -8,6 +8,8 @@
 
 #include "fit/problem.h"
 
+#define QUALITY_Z_999 3.090232306167813 /* the standard normal passes it once in 1,000 times */
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -15,6 +17,9 @@ extern "C" {
 /* Value that a chi-square of this mean and variance passes once in 1,000 times (a scaled chi-square of the
  * same two moments, by Wilson and Hilferty 1931). */
 double quality_chi2_limit(double mean, double variance);
+/* Bayesian information criterion; n_effective of the n points count (measurement.md 10). chi2 in units of u where u is
+ * stated; else of the common unknown variance only the logarithm tells. */
+double quality_bic(double chi2, double n, double n_effective, int n_parameters, bool u_stated);
 double quality_r2(const struct problem *p); /* of the last evaluation, unweighted */
 int quality_median_error(const struct problem *p, double *error, struct err *e); /* measurement.md 10 */
 /* w = (4 beta' / pi) * integral of D cos(phi) over the hemisphere (measurement.md 10); physical up to 1. */

@@ -119,6 +119,8 @@ struct workspace {
     const struct problem *p;
     Matrix j, inverse, h; /* h is k * n */
     Vector weight;
+    Vector precision; /* 1 / u^2: the weight, unless the fit was to count all points alike */
+    Matrix precise;   /* J^T diag(precision) J */
 };
 
 /* D_b of one bracket in absolute terms, scaled by the given values of its points. */
@@ -143,20 +145,20 @@ void add_drift(struct uncertainty *u, const workspace &w) {
         }
         std::vector<double> beta(n);
         Matrix h(w.p->k, n), j(n, w.p->k);
-        Vector weight(n);
+        Vector precision(n);
         for (size_t i = 0; i < n; i++) {
             const size_t at = x->point ? static_cast<size_t>(x->point[i]) : i;
             beta[i] = w.p->model_beta[at];
             h.col(i) = w.h.col(at);
             j.row(i) = w.j.row(at);
-            weight(i) = w.weight(at);
+            precision(i) = w.precision(at);
         }
         Matrix d = drift_matrix(x, n, beta.data());
-        total += h * d * h.transpose();
-        double seen = weight.dot(d.diagonal());
-        Matrix wj = weight.asDiagonal() * j;
-        double explained = (w.inverse * (wj.transpose() * d * wj)).trace();
-        add_expectation(u, seen - explained);
+        const Matrix moved = h * d * h.transpose();
+        total += moved;
+        const double seen = precision.dot(d.diagonal());
+        const double explained = 2 * (j.transpose() * precision.asDiagonal() * d * h.transpose()).trace();
+        add_expectation(u, seen - explained + (w.precise * moved).trace());
     }
 }
 
@@ -169,12 +171,27 @@ void add_common(struct uncertainty *u, const workspace &w) {
             const size_t at = c.at(i);
             const double change = c.change(i);
             moved += w.h.col(at) * change;
-            pulled += w.j.row(at).transpose() * (w.weight(at) * change);
-            seen += w.weight(at) * change * change;
+            pulled += w.j.row(at).transpose() * (w.precision(at) * change);
+            seen += w.precision(at) * change * change;
         }
         total += moved * moved.transpose();
-        add_expectation(u, seen - pulled.dot(w.inverse * pulled));
+        add_expectation(u, seen - 2 * pulled.dot(moved) + moved.dot(w.precise * moved));
     }
+}
+
+/* Mean and variance of chi-square from independent errors: trace of P and 2 P^2 where the residuals over u are
+ * (I - A B^T) times the errors over u, P = (I - A B^T)(I - B A^T). With the weights of the errors: n - k, twice that. */
+void expect_chi2(struct uncertainty *u, const workspace &w) {
+    const Eigen::Index n = static_cast<Eigen::Index>(w.p->n), k = w.p->k;
+    const Vector root = w.precision.cwiseSqrt();
+    Matrix z(n, 2 * k), middle = Matrix::Zero(2 * k, 2 * k);
+    z.leftCols(k) = root.asDiagonal() * w.j;
+    z.rightCols(k) = root.cwiseInverse().asDiagonal() * w.h.transpose();
+    middle.topLeftCorner(k, k) = z.rightCols(k).transpose() * z.rightCols(k);
+    middle.topRightCorner(k, k) = middle.bottomLeftCorner(k, k) = -Matrix::Identity(k, k);
+    const Matrix turn = middle * (z.transpose() * z); /* P = I + z middle z^T */
+    u->chi2_expected = std::max(1.0, static_cast<double>(n) + turn.trace());
+    u->chi2_variance = 2 * std::max(1.0, static_cast<double>(n) + 2 * turn.trace() + (turn * turn).trace());
 }
 
 void add_independent(struct uncertainty *u, const workspace &w) {
@@ -188,15 +205,16 @@ void add_independent(struct uncertainty *u, const workspace &w) {
         variance.setConstant(problem_chi2(w.p) / degrees);
     }
     Cells(u->independent, w.p->k, w.p->k) = w.h * variance.asDiagonal() * w.h.transpose();
-    u->chi2_expected = degrees;
-    u->chi2_variance = 2 * degrees;
+    expect_chi2(u, w);
 }
 
 int compute(struct uncertainty *u, const struct problem *p, const double *value, struct err *e) {
-    workspace w{p, jacobian(p, value, u->free), {}, {}, Vector(p->n)};
+    workspace w{p, jacobian(p, value, u->free), {}, {}, Vector(p->n), Vector(p->n), {}};
     for (size_t i = 0; i < p->n; i++) {
         w.weight(i) = p->root_weight[i] * p->root_weight[i];
+        w.precision(i) = 1 / (p->u[i] * p->u[i]);
     }
+    w.precise = w.j.transpose() * w.precision.asDiagonal() * w.j;
     Matrix wj = w.weight.asDiagonal() * w.j;
     Matrix fisher = w.j.transpose() * wj;
     Cells(u->fisher, p->k, p->k) = fisher;
@@ -304,7 +322,8 @@ double band_variance(band_work &w, const double *value, const Matrix &j, struct 
         w.fitted(i) = s * x->l1 + s * s * x->l2 + x->specular;
     }
     double by_shared = w.shared.dot(ConstCells(w.u->independent, w.p->k, w.p->k) * w.shared);
-    return f->variance[band] + by_shared + drift_variance(w) + common_variance(w, band);
+    return f->variance[band] * std::max(1.0, w.u->scatter) + by_shared + drift_variance(w) +
+           common_variance(w, band);
 }
 
 void compute_bands(const struct uncertainty *u, const struct problem *p, const double *value,
@@ -346,40 +365,5 @@ int uncertainty_of_bands(const struct uncertainty *u, const struct problem *p, c
         return 0;
     } catch (const std::bad_alloc &) {
         return err_set(e, ERR_NOMEM, "no memory for the spectrum of %zu points", p->n);
-    }
-}
-
-void uncertainty_inflate(struct uncertainty *u, const struct problem *p) {
-    const int k = p->k;
-    ConstCells h(u->h, k, static_cast<Eigen::Index>(p->n));
-    std::vector<double> incidence;
-    std::vector<Vector> score; /* sum over a sweep of H r */
-    for (size_t i = 0; i < p->n; i++) {
-        const double deg = std::round(p->input->theta_i_deg[i]);
-        size_t at = std::find(incidence.begin(), incidence.end(), deg) - incidence.begin();
-        if (at == incidence.size()) {
-            incidence.push_back(deg);
-            score.push_back(Vector::Zero(k));
-        }
-        score[at] += h.col(i) * (p->input->beta[i] - p->model_beta[i]);
-    }
-    Vector sandwich = Vector::Zero(k);
-    for (const Vector &s : score) {
-        sandwich += s.cwiseAbs2() * (score.size() / std::max(score.size() - 1.0, 1.0));
-    }
-    /* With few sweeps the sandwich is itself uncertain: the plain scatter is the least it may say. */
-    const double scatter = problem_chi2(p) / u->chi2_expected;
-    Vector factor = Vector::Ones(k);
-    for (int c = 0; c < k; c++) {
-        const double before = u->independent[c * k + c] + u->drift[c * k + c];
-        if (before > 0) {
-            factor(c) = std::sqrt(std::max({1.0, scatter, sandwich(c) / before}));
-        }
-    }
-    for (int a = 0; a < k; a++) {
-        for (int b = 0; b < k; b++) {
-            u->independent[a * k + b] *= factor(a) * factor(b);
-            u->drift[a * k + b] *= factor(a) * factor(b);
-        }
     }
 }

@@ -29,7 +29,8 @@ struct uncertainty {
     double drift[UNCERTAINTY_CELLS];
     double common[UNCERTAINTY_CELLS];
     double chi2_expected, chi2_variance;
-    double *h; /* [k * n] */
+    double scatter; /* of a misfit: chi-square over its expectation (fit/misfit.h); else 0 */
+    double *h;      /* [k * n] */
 };
 
 /* p evaluated at value. Condition, weakest and fisher are filled even where the rest is refused with
@@ -37,8 +38,6 @@ struct uncertainty {
 int uncertainty_compute(struct uncertainty *u, const struct problem *p, const double *value,
                         const bool *is_free, struct err *e);
 void uncertainty_free(struct uncertainty *u);
-/* A misfit's covariance: by the scatter of whole sweeps of one incidence, never smaller than before. */
-void uncertainty_inflate(struct uncertainty *u, const struct problem *p);
 /* u(S_b), total, of each measured band; NaN where S is. */
 int uncertainty_of_bands(const struct uncertainty *u, const struct problem *p, const double *value,
                          struct bandfit *f, double *u_s, struct err *e);

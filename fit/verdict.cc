@@ -7,6 +7,7 @@
 
 #include "fit/advice.h"
 #include "fit/limit.h"
+#include "fit/misfit.h"
 #include "fit/quality.h"
 #include "fit/words.h"
 
@@ -34,7 +35,8 @@ class Verdict {
     void find_bounds();
     int refuse(struct err *e);
     int fill_quality(struct err *e);
-    void judge_misfit();
+    int judge_misfit(double chi2, struct err *e);
+    double profile_scale(int column) const;
     void fill_covariance();
     int fill_limit(int column, struct err *e);
     void add_shift(int column, const double *x_at_limit);
@@ -60,7 +62,7 @@ class Verdict {
     int k_;
     struct uncertainty u_ = {};
     bool free_[COORDINATES_MAX] = {};
-    double misfit_ = 1; /* chi2 over its expectation where that is beyond chance */
+    struct misfit misfit_ = {};
 };
 
 bool Verdict::has(enum material_parameter wanted) const {
@@ -110,17 +112,21 @@ int Verdict::refuse(struct err *e) {
     return status;
 }
 
-void Verdict::judge_misfit() {
-    const double limit = quality_chi2_limit(u_.chi2_expected, u_.chi2_variance);
-    if (out_->chi2 > limit) {
+int Verdict::judge_misfit(double chi2, struct err *e) {
+    int status = misfit_judge(&misfit_, p_, &u_, chi2, e);
+    if (!status && misfit_.is && in_->u_ind) {
         words_warn(
             out_,
             "the model does not fit: chi-square %.4g, expected %.4g, 99.9 %% point %.4g; the parameters are "
             "descriptive, u from sweep scatter",
-            out_->chi2, u_.chi2_expected, limit);
-        misfit_ = out_->chi2 / u_.chi2_expected;
-        uncertainty_inflate(&u_, p_);
+            chi2, u_.chi2_expected, misfit_.limit);
+    } else if (!status && misfit_.is) {
+        words_warn(
+            out_,
+            "the model does not fit: neighbours in a sweep lie on the same side of it; the parameters are "
+            "descriptive, u from sweep scatter");
     }
+    return status ? status : misfit_inflate(&misfit_, &u_, p_, e);
 }
 
 int Verdict::fill_quality(struct err *e) {
@@ -129,19 +135,17 @@ int Verdict::fill_quality(struct err *e) {
         const double r = (in_->beta[i] - p_->model_beta[i]) / p_->u[i];
         scaled += r * r;
     }
-    const double n = static_cast<double>(p_->n);
+    int status = judge_misfit(scaled, e);
+    const double n = static_cast<double>(p_->n), worth = misfit_.n_effective;
     out_->chi2 = in_->u_ind ? scaled : n - k_;
-    out_->bic = (in_->u_ind ? scaled : n * std::log(std::max(scaled / n, 1e-300))) + k_ * std::log(n);
+    out_->bic = quality_bic(scaled, n, worth, k_, in_->u_ind != nullptr);
     out_->r2 = quality_r2(p_);
     out_->q = p_->optics.q;
     if (has(MATERIAL_BETA_PRIME)) {
         out_->specular_energy =
             quality_specular_energy(fit_->value[MATERIAL_BETA_PRIME], fit_->value[MATERIAL_GAMMA]);
     }
-    if (in_->u_ind && !in_->unweighted) {
-        judge_misfit();
-    }
-    return quality_median_error(p_, &out_->median_relative_error, e);
+    return status ? status : quality_median_error(p_, &out_->median_relative_error, e);
 }
 
 void Verdict::fill_covariance() {
@@ -182,10 +186,32 @@ void Verdict::add_shift(int column, const double *x_at_limit) {
     }
 }
 
+/* What a rise of the cost by one is in units of the parameter's variance: the whole V, misfit included, over the inverse
+ * curvature. 1 where the weights are all there is to know. */
+double Verdict::profile_scale(int column) const {
+    bool with[COORDINATES_MAX];
+    std::copy(free_, free_ + COORDINATES_MAX, with);
+    with[column] = true;
+    struct uncertainty u = {};
+    double scale = misfit_.scatter * (in_->u_ind ? 1 : problem_chi2(p_) / u_.chi2_expected);
+    if (uncertainty_compute(&u, p_, fit_->value, with, nullptr) == 0 &&
+        misfit_inflate(&misfit_, &u, p_, nullptr) == 0) {
+        const int at = column * k_ + column;
+        double curvature = 0;
+        for (size_t i = 0; i < p_->n; i++) {
+            const double h = u.h[column * p_->n + i] / p_->root_weight[i];
+            curvature += h * h;
+        }
+        scale = (u.independent[at] + u.drift[at] + u.common[at]) / curvature;
+    }
+    uncertainty_free(&u);
+    return scale;
+}
+
 int Verdict::fill_limit(int column, struct err *e) {
     double at_limit[COORDINATES_MAX], value[MATERIAL_PARAMETERS];
     bool found = false;
-    int status = limit_find(p_, &fit_->best, column, misfit_, at_limit, &found, e);
+    int status = limit_find(p_, &fit_->best, column, profile_scale(column), at_limit, &found, e);
     if (status) {
         return status;
     }

@@ -116,6 +116,10 @@ static void energy_and_limits_by_hand(void **state) {
     /* chi-square tables, 99.9 %: 10 degrees 29.588, 100 degrees 149.449 */
     assert_float_equal(quality_chi2_limit(10, 20), 29.588, 0.2);
     assert_float_equal(quality_chi2_limit(100, 200), 149.449, 0.1);
+    /* 5 ln 100 = 23.03; half of the points count for half of chi-square; without u only its logarithm tells */
+    assert_float_equal(quality_bic(95, 100, 100, 5, true), 95 + 23.0259, 1e-3);
+    assert_float_equal(quality_bic(95, 100, 50, 5, true), 47.5 + 19.5601, 1e-3);
+    assert_float_equal(quality_bic(200, 100, 50, 5, false), 50 * M_LN2 + 19.5601, 1e-3);
     assert_true(isnan(quality_negative_from_deg(0.6)));
     double from_deg = quality_negative_from_deg(0.8);
     assert_true(from_deg > 45 && from_deg < 90);
