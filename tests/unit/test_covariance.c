@@ -23,13 +23,14 @@
 #define RATE 2e-9 /* 1/s */
 
 static struct goniometry m;
+static const struct reflectance_optics plain = {.kappa = 1, .q = 1};
 static double h[K][N], independent[N][N], common[N][N];
 
 static double model(const double *value, double i_deg, double v_deg) {
     struct reflectance_geometry g;
     double beta;
     assert_int_equal(reflectance_geometry(&g, i_deg, v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 1, &beta, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &plain, &beta, NULL, NULL), 0);
     return beta;
 }
 

@@ -13,6 +13,7 @@
 #include "tests/support/goniometry.h"
 
 static struct goniometry m;
+static const struct reflectance_optics plain = {.kappa = 1, .q = 1};
 
 /* A failure names what repeats it. */
 static uint64_t seed(void) {
@@ -48,8 +49,8 @@ static double with_tail(const double *value, double a, double i_deg, double v_de
     memcpy(flat, value, sizeof flat);
     flat[MATERIAL_BETA_PRIME] = 0;
     assert_int_equal(reflectance_geometry(&g, i_deg, v_deg, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, 1, 1, &whole, NULL, NULL), 0);
-    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, flat, 1, 1, &matte, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &plain, &whole, NULL, NULL), 0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, flat, &plain, &matte, NULL, NULL), 0);
     double widths = (i_deg - v_deg) / 2 * M_PI / 180 / value[MATERIAL_GAMMA];
     double gauss = exp2(-widths * widths), tail = pow(1 + (exp2(1 / a) - 1) * widths * widths, -a);
     return matte + (whole - matte) / gauss * tail;
@@ -79,7 +80,7 @@ static void noise_u(const struct estimate *at, double *u) {
     for (size_t i = 0; i < m.input.n; i++) {
         struct reflectance_geometry g;
         reflectance_geometry(&g, m.theta_i_deg[i], m.theta_v_deg[i], NULL);
-        reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, at->value, 1, 1, &m.beta[i], NULL, NULL);
+        reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, at->value, &plain, &m.beta[i], NULL, NULL);
         m.u[i] = hypot(0.005 * m.beta[i], 0.001);
     }
     fit(&m.input, &clean);
