@@ -185,7 +185,7 @@ void session_print_bracket(void *file, int64_t id, const struct bracket *b);
 double session_common_mean(const struct point *p);
 double session_common_band(const struct point *p, int band);
 int session_copy(const char *from, const char *to, struct err *e); /* snapshot, also of a live one */
-/* Reads everything: structure, foreign keys, settled < start < end, the exposure of every point, the chains
+/* Reads everything: structure, the checksum of every row, foreign keys, settled < start < end, the exposure of every point, the chains
  * of superseded points. 0 with an empty list: sound. -ERR_INPUT: the list says what is wrong. */
 int session_verify(const char *path, struct err_list *found, struct err *e);
 /* The name of a file system on which a session must not be written (the log needs memory shared between

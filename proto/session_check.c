@@ -123,14 +123,95 @@ static int check_structure(struct session *s, struct err_list *found, struct err
     return rc;
 }
 
+static bool same_in(struct session *s, const char *name, const char *sql) {
+    struct query *q;
+    if (store_query(s->store, "SELECT 1 FROM sqlite_master WHERE name = ? AND sql = ?", &q, NULL) < 0)
+        return false;
+    query_bind_text(q, 0, name);
+    query_bind_text(q, 1, sql);
+    bool same = query_step(q, NULL) == 1;
+    query_reset(q);
+    return same;
+}
+
+static int compare_schema(struct session *s, struct store *fresh, struct err_list *found, struct err *e) {
+    struct query *q;
+    int rc =
+        store_prepare(fresh, "SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')", &q, e);
+    if (rc < 0)
+        return rc;
+    while ((rc = query_step(q, e)) == 1) {
+        char text[200];
+        snprintf(text, sizeof text, "%.60s: is not defined as in a session; the file was damaged",
+                 query_text(q, 0));
+        if (!same_in(s, query_text(q, 0), query_text(q, 1)) && (rc = add_finding(found, s->path, text)) < 0)
+            break;
+    }
+    query_free(q);
+    return rc;
+}
+
+/* The file names its tables and columns in plain text, which has no checksum: it must read as this goniod writes it. */
+static int check_schema(struct session *s, struct err_list *found, struct err *e) {
+    struct store *fresh;
+    if (s->user_version != SESSION_USER_VERSION)
+        return 0;
+    int rc = store_open(&fresh, ":memory:", false, e);
+    if (rc < 0)
+        return rc;
+    rc = session_make_schema(fresh, e);
+    if (rc == 0)
+        rc = compare_schema(s, fresh, found, e);
+    store_close(fresh);
+    return rc;
+}
+
+static int add_damaged(struct session *s, const char *table, struct query *q, const char *what,
+                       struct err_list *found) {
+    char text[300], second[40] = "";
+    if (strcmp(query_name(q, 0), "id") != 0 && strcmp(query_name(q, 0), "key") != 0)
+        snprintf(second, sizeof second, ", %s %s", query_name(q, 1), query_text(q, 1));
+    snprintf(text, sizeof text, "%s, %s %.60s%s: %s; the file was damaged after it was written", table,
+             query_name(q, 0), query_text(q, 0), second, what);
+    return add_finding(found, s->path, text);
+}
+
+/* Of each row the checksum that was stored with it, and whether rows that are numbered have all their numbers. */
+static int check_rows(struct session *s, const char *table, struct err_list *found, struct err *e) {
+    struct query *q;
+    char sql[80];
+    if (!session_has_table(s, table))
+        return 0;
+    snprintf(sql, sizeof sql, "SELECT * FROM %s", table);
+    int rc = store_prepare(s->store, sql, &q, e);
+    if (rc < 0)
+        return rc;
+    int last = query_columns(q) - 1, first = strcmp(query_name(q, 0), "id") == 0;
+    bool checked = strcmp(query_name(q, last), "crc") == 0;
+    int64_t number = 0;
+    while (rc >= 0 && (rc = query_step(q, e)) == 1) {
+        if (checked && query_type(q, last) != QUERY_NULL &&
+            query_int(q, last) != query_crc(q, first, last - 1))
+            rc = add_damaged(s, table, q, "its values do not match their checksum", found);
+        if (rc >= 0 && first == 1 && query_int(q, 0) != ++number)
+            rc = add_damaged(s, table, q, "the row before it is missing", found);
+    }
+    query_free(q);
+    return rc < 0 ? rc : 0;
+}
+
 int session_verify(const char *path, struct err_list *found, struct err *e) {
     struct session *s;
     int rc = session_open(&s, path, true, e);
     if (rc < 0)
         return rc;
     rc = check_structure(s, found, e);
+    if (rc == 0)
+        rc = check_schema(s, found, e);
     for (size_t i = 0; rc == 0 && i < sizeof FINDINGS / sizeof FINDINGS[0]; i++)
         rc = look_for(s, &FINDINGS[i], found, e);
+    for (int i = 0; rc == 0 && SESSION_TABLES[i]; i++)
+        rc = check_rows(s, SESSION_TABLES[i], found, e);
     session_close(s, NULL);
     if (rc == 0 && found->n)
         rc = err_set(e, ERR_INPUT, "%s: %zu thing%s wrong; the first: %s", path, found->n,

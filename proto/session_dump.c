@@ -73,6 +73,8 @@ static void print_value(FILE *out, struct query *q, int at) {
 static void print_row(FILE *out, const char *table, struct query *q) {
     fputs(table, out);
     for (int at = 0; at < query_columns(q); at++) {
+        if (strcmp(query_name(q, at), "crc") == 0)
+            continue;
         fprintf(out, "\t%s=", query_name(q, at));
         print_value(out, q, at);
     }

@@ -58,12 +58,12 @@ static int request_id(struct session *s, const char *link, const void *bytes, si
         *id = query_int(q, 0);
     query_reset(q);
     if (rc == 0) {
-        rc = store_query(s->store, "INSERT INTO exchange_request VALUES (NULL, ?, ?)", &q, e);
+        rc = store_query(s->store, "INSERT INTO exchange_request VALUES (NULL, ?, ?,?)", &q, e);
         if (rc < 0)
             return rc;
         query_bind_text(q, 0, link);
         query_bind_bytes(q, 1, bytes, size);
-        rc = query_run(q, id, e);
+        rc = query_insert(q, id, e);
     }
     if (rc >= 0)
         keep(s, *id, link, bytes, size, hash);
@@ -81,14 +81,14 @@ int session_add_exchange(struct session *s, int64_t sent_us, int64_t done_us, co
     struct query *q;
     rc = request_id(s, link, request, request_size, &id, e);
     if (rc == 0)
-        rc = store_query(s->store, "INSERT INTO exchange VALUES (NULL,?,?,?,?,?)", &q, e);
+        rc = store_query(s->store, "INSERT INTO exchange VALUES (NULL,?,?,?,?,?,?)", &q, e);
     if (rc == 0) {
         query_bind_int(q, 0, id);
         query_bind_int(q, 1, sent_us);
         query_bind_int(q, 2, done_us - sent_us);
         query_bind_int(q, 3, result);
         query_bind_bytes(q, 4, reply, reply_size);
-        rc = query_run(q, NULL, e);
+        rc = query_insert(q, NULL, e);
     }
     return session_leave(s, own, rc, e);
 }

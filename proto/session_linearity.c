@@ -7,7 +7,7 @@
 static int write_linearity(struct session *s, struct linearity *l, struct err *e) {
     struct query *q;
     int rc =
-        store_query(s->store, "INSERT INTO linearity VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
+        store_query(s->store, "INSERT INTO linearity VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     const double numbers[] = {l->ratio,     l->u_ratio,     l->level_long, l->level_short,
@@ -22,7 +22,7 @@ static int write_linearity(struct session *s, struct linearity *l, struct err *e
         query_bind_double(q, at++, numbers[i]);
     query_bind_double(q, at++, l->pull);
     query_bind_int(q, at++, l->beyond);
-    return query_run(q, &l->id, e);
+    return query_insert(q, &l->id, e);
 }
 
 int session_add_linearity(struct session *s, struct linearity *l, struct err *e) {

@@ -142,6 +142,17 @@ static const char VIEWS[] =
                           "AS x JOIN exchange_request AS r"
                           " ON r.id = x.request_id;";
 
+/* The last column of every table: the checksum of the row's other values, its `id` apart. NULL in rows of before there
+ * were any. */
+static int add_checksum(struct store *store, const char *table, struct err *e) {
+    char sql[120];
+    int64_t there = 0;
+    snprintf(sql, sizeof sql, "SELECT count(*) FROM pragma_table_info('%s') WHERE name = 'crc'", table);
+    int rc = store_number(store, sql, 0, &there, e);
+    snprintf(sql, sizeof sql, "ALTER TABLE %s ADD COLUMN crc INTEGER", table);
+    return rc == 0 && !there ? store_exec(store, sql, e) : rc;
+}
+
 static int guard(struct store *store, const char *table, struct err *e) {
     char sql[440];
     snprintf(sql, sizeof sql,
@@ -164,8 +175,11 @@ int session_make_schema(struct store *store, struct err *e) {
         rc = store_exec(store, SCHEMA, e);
     if (rc == 0)
         rc = store_exec(store, VIEWS, e);
-    for (int i = 0; rc == 0 && SESSION_TABLES[i]; i++)
-        rc = guard(store, SESSION_TABLES[i], e);
+    for (int i = 0; rc == 0 && SESSION_TABLES[i]; i++) {
+        rc = add_checksum(store, SESSION_TABLES[i], e);
+        if (rc == 0)
+            rc = guard(store, SESSION_TABLES[i], e);
+    }
     if (rc == 0)
         rc = store_exec(store, version, e);
     if (rc == 0)

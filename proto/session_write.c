@@ -36,12 +36,12 @@ static int write_text(struct session *s, const char *key, const char *text, stru
     if (present)
         return err_set(e, ERR_STATE, "%s: the text '%s' is written already; texts are written once", s->path,
                        key);
-    rc = store_query(s->store, "INSERT INTO fact VALUES (?, ?)", &q, e);
+    rc = store_query(s->store, "INSERT INTO fact VALUES (?, ?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_text(q, 0, key);
     query_bind_text(q, 1, text);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 int session_set_text(struct session *s, const char *key, const char *text, struct err *e) {
@@ -52,9 +52,9 @@ int session_set_text(struct session *s, const char *key, const char *text, struc
 
 static int write_calibration(struct session *s, const struct calibration *c, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store,
-                         "INSERT INTO calibration VALUES (1,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
-                         &q, e);
+    int rc = store_query(
+        s->store, "INSERT INTO calibration VALUES (1,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q,
+        e);
     if (rc < 0)
         return rc;
     int at = 0;
@@ -74,7 +74,7 @@ static int write_calibration(struct session *s, const struct calibration *c, str
     query_bind_int(q, at++, c->saturation);
     query_bind_double(q, at++, c->read_noise_counts);
     query_bind_double(q, at++, c->electrons_per_count);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 int session_set_calibration(struct session *s, const struct calibration *c, struct err *e) {
@@ -99,7 +99,7 @@ static int write_exposure(struct session *s, struct exposure *x, struct err *e) 
     int rc = check_times(s, x, e);
     if (rc == 0)
         rc = store_query(s->store,
-                         "INSERT INTO exposure VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
+                         "INSERT INTO exposure VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
                          &q, e);
     if (rc < 0)
         return rc;
@@ -127,7 +127,7 @@ static int write_exposure(struct session *s, struct exposure *x, struct err *e) 
     query_bind_int(q, at++, x->lamp);
     query_bind_double(q, at++, x->temperature_c);
     query_bind_bytes(q, at++, x->counts, sizeof *x->counts * (size_t)x->n_scans * (size_t)x->pixels);
-    return query_run(q, &x->id, e);
+    return query_insert(q, &x->id, e);
 }
 
 int session_add_exposure(struct session *s, struct exposure *x, struct err *e) {
@@ -152,7 +152,7 @@ double session_common_band(const struct point *p, int band) {
 
 static int write_point_row(struct session *s, struct point *p, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO point VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO point VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     int at = 0;
@@ -173,12 +173,12 @@ static int write_point_row(struct session *s, struct point *p, struct err *e) {
     query_bind_double(q, at++, p->mean);
     query_bind_double(q, at++, p->mean_u_ind);
     query_bind_double(q, at++, session_common_mean(p));
-    return query_run(q, &p->id, e);
+    return query_insert(q, &p->id, e);
 }
 
 static int write_band(struct session *s, const struct point *p, int band, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO point_band VALUES (?,?,?,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO point_band VALUES (?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, p->id);
@@ -187,12 +187,12 @@ static int write_band(struct session *s, const struct point *p, int band, struct
     query_bind_double(q, 3, p->u_ind[band]);
     query_bind_double(q, 4, session_common_band(p, band));
     query_bind_double(q, 5, p->cov_next[band]);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 static int write_common(struct session *s, const struct point *p, int k, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO point_common VALUES (?,?,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO point_common VALUES (?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, p->id);
@@ -200,7 +200,7 @@ static int write_common(struct session *s, const struct point *p, int k, struct 
     query_bind_text(q, 2, p->common[k].name);
     query_bind_double(q, 3, p->common[k].mean);
     query_bind_bytes(q, 4, p->common[k].sensitivity, sizeof p->common[k].sensitivity);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 static int write_point(struct session *s, struct point *p, struct err *e) {
@@ -221,7 +221,7 @@ int session_add_point(struct session *s, struct point *p, struct err *e) {
 
 static int write_bracket(struct session *s, const struct bracket *b, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO bracket VALUES (NULL,?,?,?,?,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO bracket VALUES (NULL,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, b->number);
@@ -231,7 +231,7 @@ static int write_bracket(struct session *s, const struct bracket *b, struct err 
     query_bind_text(q, 4, b->ended_by);
     query_bind_int(q, 5, b->last_exposure_id);
     query_bind_bytes(q, 6, b->rate, sizeof b->rate);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 int session_add_bracket(struct session *s, const struct bracket *b, struct err *e) {
@@ -244,8 +244,8 @@ static int write_estimation(struct session *s, int64_t now_us, int64_t last_poin
                             const struct estimate *m, int64_t *id, struct err *e) {
     struct query *q;
     int rc = store_query(
-        s->store, "INSERT INTO estimation VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)",
-        &q, e);
+        s->store,
+        "INSERT INTO estimation VALUES (NULL,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     const double numbers[] = {m->chi2, m->bic, m->r2, m->median_relative_error, m->specular_energy};
@@ -273,12 +273,13 @@ static int write_estimation(struct session *s, int64_t now_us, int64_t last_poin
         query_bind_double(q, at++, ranges[i]);
     query_bind_bytes(q, at++, m->statistical, sizeof m->statistical);
     query_bind_bytes(q, at++, m->common, sizeof m->common);
-    return query_run(q, id, e);
+    return query_insert(q, id, e);
 }
 
 static int write_parameter(struct session *s, int64_t id, const struct estimate *m, int at, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO estimation_parameter VALUES (?,?,?,?,?,?,?,?,?,?,?)", &q, e);
+    int rc =
+        store_query(s->store, "INSERT INTO estimation_parameter VALUES (?,?,?,?,?,?,?,?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, id);
@@ -292,30 +293,30 @@ static int write_parameter(struct session *s, int64_t id, const struct estimate 
     query_bind_text(q, 8, m->gap[at].why);
     query_bind_double(q, 9, m->gap[at].has_next ? m->gap[at].next_theta_i_deg : NAN);
     query_bind_double(q, 10, m->gap[at].has_next ? m->gap[at].next_theta_v_deg : NAN);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 static int write_s_lambda(struct session *s, int64_t id, const struct estimate *m, int band, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO estimation_spectrum VALUES (?,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO estimation_spectrum VALUES (?,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, id);
     query_bind_int(q, 1, band);
     query_bind_double(q, 2, m->s_lambda[band]);
     query_bind_double(q, 3, m->u_s_lambda[band]);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 static int write_warning(struct session *s, int64_t id, int at, const char *text, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO estimation_warning VALUES (?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO estimation_warning VALUES (?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, id);
     query_bind_int(q, 1, at);
     query_bind_text(q, 2, text);
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 static int write_estimate(struct session *s, int64_t now_us, int64_t last_point_id, const struct estimate *m,
@@ -340,13 +341,16 @@ int session_add_estimate(struct session *s, int64_t now_us, int64_t last_point_i
 
 static int write_slopes(struct session *s, const struct point_slope *slope, size_t n, struct err *e) {
     struct query *q;
-    int rc = store_query(
-        s->store, "INSERT INTO estimation_point VALUES ((SELECT max(id) FROM estimation),?,?,?)", &q, e);
+    int64_t newest = 0;
+    int rc = store_number(s->store, "SELECT max(id) FROM estimation", 0, &newest, e);
+    if (rc == 0)
+        rc = store_query(s->store, "INSERT INTO estimation_point VALUES (?,?,?,?,?)", &q, e);
     for (size_t i = 0; rc == 0 && i < n; i++) {
-        query_bind_int(q, 0, slope[i].point_id);
-        query_bind_double(q, 1, slope[i].source_per_deg);
-        query_bind_double(q, 2, slope[i].sample_per_deg);
-        rc = query_run(q, NULL, e);
+        query_bind_int(q, 0, newest);
+        query_bind_int(q, 1, slope[i].point_id);
+        query_bind_double(q, 2, slope[i].source_per_deg);
+        query_bind_double(q, 3, slope[i].sample_per_deg);
+        rc = query_insert(q, NULL, e);
     }
     return rc;
 }
@@ -359,13 +363,13 @@ int session_add_slopes(struct session *s, const struct point_slope *slope, size_
 
 static int write_event(struct session *s, int64_t now_us, const char *kind, const char *json, struct err *e) {
     struct query *q;
-    int rc = store_query(s->store, "INSERT INTO event VALUES (NULL,?,?,?)", &q, e);
+    int rc = store_query(s->store, "INSERT INTO event VALUES (NULL,?,?,?,?)", &q, e);
     if (rc < 0)
         return rc;
     query_bind_int(q, 0, now_us);
     query_bind_text(q, 1, kind);
     query_bind_text(q, 2, json ? json : "");
-    return query_run(q, NULL, e);
+    return query_insert(q, NULL, e);
 }
 
 int session_add_event(struct session *s, int64_t now_us, const char *kind, const char *json, struct err *e) {

@@ -6,12 +6,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "proto/crc.h"
+
 #define KEPT_QUERIES 40
 
 struct query {
     struct store *store;
     const char *sql;
     sqlite3_stmt *statement;
+    uint32_t crc; /* of the values bound so far */
+    int bound;
 };
 
 struct store {
@@ -173,23 +177,68 @@ void query_free(struct query *q) {
     free(q);
 }
 
+static uint32_t crc_eight(uint32_t crc, char letter, const void *eight) {
+    return crc32_add(crc32_add(crc, &letter, 1), eight, 8);
+}
+
+/* Whether a whole number is stored as an integer or as a real depends on its column, and says nothing. */
+static uint32_t crc_number(uint32_t crc, double value) {
+    int64_t whole = fabs(value) < 9007199254740992.0 ? (int64_t)value : 0; /* 2^53 */
+    if (isnan(value))
+        return crc32_add(crc, "n", 1);
+    return (double)whole == value ? crc_eight(crc, 'i', &whole) : crc_eight(crc, 'd', &value);
+}
+
+static uint32_t crc_bytes(uint32_t crc, char letter, const void *bytes, size_t size) {
+    int64_t length = (int64_t)size;
+    return crc32_add(crc_eight(crc, letter, &length), bytes, size);
+}
+
+uint32_t query_crc(struct query *q, int first, int last) {
+    uint32_t crc = 0;
+    for (int at = first; at <= last; at++) {
+        enum query_type type = query_type(q, at); /* asking for another type would change it */
+        if (type == QUERY_INT) {
+            int64_t whole = query_int(q, at);
+            crc = crc_eight(crc, 'i', &whole);
+        } else if (type == QUERY_TEXT || type == QUERY_BYTES) {
+            size_t size;
+            const void *bytes = query_bytes(q, at, &size);
+            crc = crc_bytes(crc, type == QUERY_TEXT ? 't' : 'b', bytes, size);
+        } else {
+            crc = crc_number(crc, query_double(q, at));
+        }
+    }
+    return crc;
+}
+
 void query_bind_int(struct query *q, int at, int64_t value) {
+    q->crc = crc_eight(q->crc, 'i', &value);
+    q->bound = at + 1;
     sqlite3_bind_int64(q->statement, at + 1, value);
 }
 
 void query_bind_double(struct query *q, int at, double value) {
+    q->crc = crc_number(q->crc, value);
+    q->bound = at + 1;
     sqlite3_bind_double(q->statement, at + 1, value);
 }
 
 void query_bind_text(struct query *q, int at, const char *text) {
+    q->crc = crc_bytes(q->crc, 't', text, strlen(text));
+    q->bound = at + 1;
     sqlite3_bind_text(q->statement, at + 1, text, -1, SQLITE_STATIC);
 }
 
 void query_bind_bytes(struct query *q, int at, const void *bytes, size_t size) {
+    q->crc = crc_bytes(q->crc, 'b', bytes, size);
+    q->bound = at + 1;
     sqlite3_bind_blob64(q->statement, at + 1, bytes ? bytes : "", size, SQLITE_STATIC);
 }
 
 void query_bind_null(struct query *q, int at) {
+    q->crc = crc32_add(q->crc, "n", 1);
+    q->bound = at + 1;
     sqlite3_bind_null(q->statement, at + 1);
 }
 
@@ -205,6 +254,8 @@ int query_step(struct query *q, struct err *e) {
 void query_reset(struct query *q) {
     sqlite3_reset(q->statement);
     sqlite3_clear_bindings(q->statement);
+    q->crc = 0;
+    q->bound = 0;
 }
 
 int query_run(struct query *q, int64_t *id, struct err *e) {
@@ -213,6 +264,11 @@ int query_run(struct query *q, int64_t *id, struct err *e) {
         *id = sqlite3_last_insert_rowid(q->store->db);
     query_reset(q);
     return rc < 0 ? rc : 0;
+}
+
+int query_insert(struct query *q, int64_t *id, struct err *e) {
+    sqlite3_bind_int64(q->statement, q->bound + 1, q->crc);
+    return query_run(q, id, e);
 }
 
 int64_t query_int(struct query *q, int at) {

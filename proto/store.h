@@ -5,6 +5,10 @@
  * life of the connection (for statements in frequent use); store_prepare makes one the caller frees. Parameters and
  * columns count from 0. query_run steps a statement that returns no rows, and resets it.
  *
+ * Checksum   query_insert binds one more value after those bound: the CRC-32 of them all, in their order; query_crc is
+ *            that of columns first to last of a row. A value is a letter and bytes, numbers little-endian: n for NULL;
+ *            i and 8 bytes for a whole number; d and 8 bytes of IEEE 754 for another; t or b, 8 bytes of length and the
+ *            bytes for text or bytes.
  * Values     NaN is stored as NULL and NULL is read as NaN, 0, "" or no bytes; -0 comes back as 0. Text and bytes of
  *            a column live until the next step or reset; bound ones must live until the step.
  * Threads    one at a time per store. Nothing here sleeps longer than STORE_BUSY_MS, inside SQLite.
@@ -51,6 +55,7 @@ void query_bind_null(struct query *q, int at);
 int query_step(struct query *q, struct err *e); /* 1 a row, 0 no more, or an error */
 void query_reset(struct query *q);
 int query_run(struct query *q, int64_t *id, struct err *e); /* id of the row inserted; may be NULL */
+int query_insert(struct query *q, int64_t *id, struct err *e);
 
 int64_t query_int(struct query *q, int at);
 double query_double(struct query *q, int at);
@@ -59,6 +64,7 @@ const void *query_bytes(struct query *q, int at, size_t *size);
 
 enum query_type { QUERY_NULL, QUERY_INT, QUERY_DOUBLE, QUERY_TEXT, QUERY_BYTES };
 enum query_type query_type(struct query *q, int at);
+uint32_t query_crc(struct query *q, int first, int last);
 int query_columns(struct query *q);
 const char *query_name(struct query *q, int at);
 

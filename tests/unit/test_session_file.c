@@ -96,7 +96,7 @@ static void tables_are_insert_only(void **state) {
     assert_int_equal(raw_sql("UPDATE point SET mean = 1"), SQLITE_CONSTRAINT);
     assert_int_equal(raw_sql("DELETE FROM exposure WHERE id = 2"), SQLITE_CONSTRAINT);
     assert_int_equal(raw_sql("UPDATE fact SET value = 'x'"), SQLITE_CONSTRAINT);
-    assert_int_equal(raw_sql("INSERT INTO event VALUES (NULL, 1, 'note', '')"), SQLITE_OK);
+    assert_int_equal(raw_sql("INSERT INTO event VALUES (NULL, 1, 'note', '', NULL)"), SQLITE_OK);
 }
 
 static void a_final_point_supersedes_its_provisional_one_once(void **state) {
@@ -324,8 +324,8 @@ static void sets_of_one_state_may_overlap_by_their_bounds(void **state) {
     ROW_OK(session_close(fill(4), e));
     assert_int_equal(
         raw_sql(
-            "DROP TRIGGER exposure_no_update; UPDATE exposure SET (settled_us, lamp, exposure_us, start_us)"
-            " = (SELECT settled_us, lamp, exposure_us, end_us - 1 FROM exposure WHERE id = 2) WHERE id = 3"),
+            "DROP TRIGGER exposure_no_update; UPDATE exposure SET (settled_us, lamp, exposure_us, start_us, crc)"
+            " = (SELECT settled_us, lamp, exposure_us, end_us - 1, NULL FROM exposure WHERE id = 2) WHERE id = 3"),
         SQLITE_OK);
     ROW_OK(session_verify(path, &found, e));
     err_list_free(&found);
@@ -358,11 +358,11 @@ static void verify_finds_what_was_tampered_with(void **state) {
                  "its exposure is missing");
     verify_finds(
         "INSERT INTO point SELECT NULL, 1, 1, 2, bracket, tau_us, tau_r_us, theta_i_udeg, theta_v_udeg, "
-        "saturated, scan_f, noisy, mean, mean_u_ind, mean_u_common FROM point WHERE id = 1",
+        "saturated, scan_f, noisy, mean, mean_u_ind, mean_u_common, NULL FROM point WHERE id = 1",
         "supersedes");
     verify_finds(
         "INSERT INTO point SELECT NULL, NULL, 1, 2, bracket, tau_us, tau_r_us, theta_i_udeg, theta_v_udeg, "
-        "saturated, scan_f, noisy, mean, mean_u_ind, mean_u_common FROM point WHERE id = 1",
+        "saturated, scan_f, noisy, mean, mean_u_ind, mean_u_common, NULL FROM point WHERE id = 1",
         "2 points stand");
     verify_finds("DROP TRIGGER point_no_update; UPDATE point SET provisional = 0 WHERE id = 1",
                  "never closed");
