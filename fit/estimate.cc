@@ -90,7 +90,10 @@ int Estimation::solve_from_starts(struct err *e) {
         struct err failure = {};
         if (solve_run(&fit_.p, x[i], nullptr, &result, in_->trace, &failure)) {
             last = failure;
-        } else if (!any || result.chi2 < fit_.best.chi2) {
+            continue;
+        }
+        out_->iterations += result.iterations;
+        if (!any || result.chi2 < fit_.best.chi2) {
             fit_.best = result;
             coordinates_order(fit_.p.model, fit_.best.x);
             any = true;
@@ -127,6 +130,7 @@ int Estimation::settle(struct err *e) {
         if ((status = solve_run(&fit_.p, fit_.best.x, nullptr, &next, in_->trace, e))) {
             return status;
         }
+        out_->iterations += next.iterations;
         fit_.best = next;
         coordinates_order(fit_.p.model, fit_.best.x);
     }

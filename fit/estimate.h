@@ -82,6 +82,9 @@ struct estimate_input {
     const char *model;                         /* reflectance_name */
     struct estimate_trace *trace;              /* filled where not NULL */
     double source_width_deg, sensor_width_deg; /* angular, full (fit/aperture.h) */
+    /* Low and high bound by enum material_parameter in place of the usual ones, NaN = the usual one; or NULL. That
+     * of beta' stays: it is none of beta' but of A (coordinates.h). */
+    const double (*bound)[2];
 };
 
 int estimate_fit(const struct estimate_input *input, struct estimate *estimate, struct err *e);

@@ -28,10 +28,9 @@ static int excess(struct walk *w, double x, double *over, struct err *e) {
 
 int limit_find(const struct problem *p, const struct solve_result *best, int column, double scale,
                double *at_limit, bool *found, struct err *e) {
-    double low[COORDINATES_MAX], high[COORDINATES_MAX], over = 0;
-    coordinates_bounds(p->model, low, high);
-    bool from_low = fabs(best->x[column] - low[column]) < fabs(best->x[column] - high[column]);
-    double inner = best->x[column], far = from_low ? high[column] : low[column];
+    double over = 0;
+    bool from_low = fabs(best->x[column] - p->low[column]) < fabs(best->x[column] - p->high[column]);
+    double inner = best->x[column], far = from_low ? p->high[column] : p->low[column];
     double outer = inner, step = from_low ? 0.05 : -0.05;
     struct walk w = {.p = p, .column = column, .ceiling = best->chi2 + RISE_95 * scale, .at = *best};
     while (outer != far && over <= 0) { /* steps double until the rise is passed or the other bound is met */

@@ -124,6 +124,35 @@ static struct aperture_form form_of(const struct estimate_input *in) {
                                   .beam_in_view = in->filling == ESTIMATE_BEAM_IN_VIEW};
 }
 
+/* One bound in coordinates; the other parameters are of no account there. */
+static double bound_coordinate(const struct problem *p, int column, double bound) {
+    double value[MATERIAL_PARAMETERS], x[COORDINATES_MAX];
+    for (int i = 0; i < MATERIAL_PARAMETERS; i++) {
+        value[i] = 1.5;
+    }
+    value[reflectance_parameter(p->model, column)] = bound;
+    coordinates_from_value(p->model, value, x);
+    return x[column];
+}
+
+static int set_bounds(struct problem *p, struct err *e) {
+    coordinates_bounds(p->model, p->low, p->high);
+    for (int j = 0; p->input->bound && j < p->k; j++) {
+        enum material_parameter parameter = reflectance_parameter(p->model, j);
+        const double *bound = p->input->bound[parameter];
+        if (parameter == MATERIAL_BETA_PRIME) {
+            continue;
+        }
+        p->low[j] = isnan(bound[0]) ? p->low[j] : bound_coordinate(p, j, bound[0]);
+        p->high[j] = isnan(bound[1]) ? p->high[j] : bound_coordinate(p, j, bound[1]);
+        if (!(isfinite(p->low[j]) && isfinite(p->high[j]) && p->low[j] < p->high[j])) {
+            return err_set(e, ERR_RANGE, "the bounds %g to %g of parameter %d are no range of the model",
+                           bound[0], bound[1], (int)parameter);
+        }
+    }
+    return 0;
+}
+
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
     *p = (struct problem){.n = input->n, .input = input, .optics = {.kappa = input->kappa, .q = 1}};
     int status = reflectance_find(input->model, &p->model, e);
@@ -132,7 +161,9 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
     }
     p->k = reflectance_parameters(p->model);
     const struct aperture_form form = form_of(input);
-    status = allocate(p, e);
+    if (!(status = set_bounds(p, e))) {
+        status = allocate(p, e);
+    }
     status =
         status ? status : aperture_init(&p->aperture, &form, p->n, input->theta_i_deg, input->theta_v_deg, e);
     for (size_t i = 0; i < p->n && !status; i++) {

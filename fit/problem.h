@@ -31,6 +31,7 @@ struct problem {
     double *model_beta;                  /* [n] of the last evaluation */
     double *gradient;                    /* [n * k] with respect to the parameters, of the same */
     struct reflectance_optics optics;
+    double low[COORDINATES_MAX], high[COORDINATES_MAX]; /* bounds of the coordinates */
 };
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e);

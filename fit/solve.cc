@@ -84,8 +84,6 @@ ceres::Solver::Options make_options() {
 
 void minimise(const struct problem *p, const bool *held, struct solve_result *result,
               struct estimate_trace *trace, std::string *failure) {
-    double low[COORDINATES_MAX], high[COORDINATES_MAX];
-    coordinates_bounds(p->model, low, high);
     ceres::Problem::Options ownership;
     ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ownership.disable_all_safety_checks = true;
@@ -101,9 +99,9 @@ void minimise(const struct problem *p, const bool *held, struct solve_result *re
             problem.SetParameterBlockConstant(blocks[j]);
             continue;
         }
-        result->x[j] = std::min(std::max(result->x[j], low[j]), high[j]);
-        problem.SetParameterLowerBound(blocks[j], 0, low[j]);
-        problem.SetParameterUpperBound(blocks[j], 0, high[j]);
+        result->x[j] = std::min(std::max(result->x[j], p->low[j]), p->high[j]);
+        problem.SetParameterLowerBound(blocks[j], 0, p->low[j]);
+        problem.SetParameterUpperBound(blocks[j], 0, p->high[j]);
     }
     ceres::Solver::Summary summary;
     ceres::Solve(make_options(), &problem, &summary);

@@ -75,11 +75,9 @@ bool Verdict::has(enum material_parameter wanted) const {
 }
 
 void Verdict::find_bounds() {
-    double low[COORDINATES_MAX], high[COORDINATES_MAX];
     const double *x = fit_->best.x;
-    coordinates_bounds(p_->model, low, high);
     for (int j = 0; j < k_; j++) {
-        free_[j] = x[j] > low[j] + AT_BOUND && x[j] < high[j] - AT_BOUND;
+        free_[j] = x[j] > p_->low[j] + AT_BOUND && x[j] < p_->high[j] - AT_BOUND;
         out_->at_bound[parameter(j)] = !free_[j];
     }
     if (has(MATERIAL_BETA_PRIME) && out_->at_bound[MATERIAL_BETA_PRIME]) {
@@ -325,6 +323,7 @@ int Verdict::fill(struct err *e) {
     find_bounds();
     struct err singular = {};
     int status = uncertainty_compute(&u_, p_, fit_->value, free_, &singular);
+    out_->condition = u_.condition;
     if (status == -ERR_FIT || !fit_->best.converged) {
         return refuse(e);
     }

@@ -30,6 +30,7 @@ static const struct {
     {"bic", offsetof(struct estimate, bic)},
     {"r2", offsetof(struct estimate, r2)},
     {"median_relative_error", offsetof(struct estimate, median_relative_error)},
+    {"condition", offsetof(struct estimate, condition)},
     {"specular_energy", offsetof(struct estimate, specular_energy)},
     {"source_width_deg", offsetof(struct estimate, source_width_deg)},
     {"sensor_width_deg", offsetof(struct estimate, sensor_width_deg)},
@@ -206,6 +207,7 @@ json_t *estimate_to_json(const struct estimate *m) {
         return NULL;
     json_object_set_new(json, "model", json_string(m->model));
     json_object_set_new(json, "n_points", json_integer(m->n_points));
+    json_object_set_new(json, "iterations", json_integer(m->iterations));
     json_object_set_new(json, "n_parameters", json_integer(m->n_parameters));
     json_object_set_new(json, "converged", json_boolean(m->converged));
     if (m->refusal[0])
@@ -408,6 +410,7 @@ static int take_spectrum(const json_t *object, struct estimate *m, struct err *e
 
 static int take_state(const json_t *json, struct estimate *m, struct err *e) {
     if (take_int(json, "n_points", &m->n_points, e) != 0 ||
+        take_int(json, "iterations", &m->iterations, e) != 0 ||
         take_int(json, "n_parameters", &m->n_parameters, e) != 0 ||
         take_bool(json, "converged", &m->converged, e) != 0 ||
         take_bool(json, "provisional", &m->provisional, e) != 0 ||

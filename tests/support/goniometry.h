@@ -8,8 +8,8 @@
 #define TESTS_GONIOMETRY_H
 
 #include <stdbool.h>
-#include <stdint.h>
 
+#include "fit/dice.h"
 #include "fit/estimate.h"
 
 #define GONIOMETRY_MAX 400
@@ -26,12 +26,6 @@ struct goniometry { /* owns what its input points to */
     double s_lambda[BANDS], value[MATERIAL_PARAMETERS], q; /* the truth of the visible mean */
     struct estimate_input input;
 };
-
-struct dice { /* splitmix64 and Box-Muller: the same numbers on every machine */
-    uint64_t state;
-};
-double dice_uniform(struct dice *d);
-double dice_normal(struct dice *d);
 
 /* The 198-point grid, or another range by the same steps; no noise yet, weights of the noise model. */
 void goniometry_make(struct goniometry *m, const double *value, double theta_i_high_deg,

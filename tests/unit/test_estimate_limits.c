@@ -147,8 +147,34 @@ static void unphysical_values_are_named(void **state) {
     assert_false(estimate.not_identifiable[MATERIAL_N]);
 }
 
+/* A rough surface of high index: pressed against the usual bounds, found within wider ones. */
+static void bounds_may_be_widened(void **state) {
+    (void)state;
+    const double metallic[MATERIAL_PARAMETERS] = {0.2, 1.1, 0.07, 7.6, 5};
+    double wide[MATERIAL_PARAMETERS][2];
+    struct estimate estimate;
+    struct err e = {0};
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        wide[p][0] = wide[p][1] = NAN;
+    }
+    wide[MATERIAL_SIGMA][1] = 2;
+    wide[MATERIAL_N][1] = 10;
+    goniometry_make(&m, metallic, 60, 5);
+    fit(&estimate);
+    assert_true(!estimate.converged || estimate.at_bound[MATERIAL_SIGMA] || estimate.at_bound[MATERIAL_N]);
+    m.input.bound = (const double(*)[2])wide;
+    fit(&estimate);
+    assert_true(estimate.converged && estimate.iterations > 3 && estimate.condition > 1);
+    assert_float_equal(estimate.value[MATERIAL_SIGMA], 1.1, 1e-3);
+    assert_float_equal(estimate.value[MATERIAL_N], 5, 1e-3);
+    wide[MATERIAL_N][0] = 12;
+    assert_int_equal(estimate_fit(&m.input, &estimate, &e), -ERR_RANGE);
+    assert_non_null(strstr(e.text, "bounds"));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bounds_may_be_widened),
         cmocka_unit_test(a_parameter_at_its_bound_has_a_limit),
         cmocka_unit_test(the_limit_is_the_95_percent_point),
         cmocka_unit_test(without_a_lobe_width_and_index_are_unknown),

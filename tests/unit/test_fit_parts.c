@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "fit/coordinates.h"
+#include "fit/dice.h"
 #include "fit/drift.h"
 #include "fit/published.h"
 #include "fit/quality.h"
@@ -126,11 +127,31 @@ static void energy_and_limits_by_hand(void **state) {
     assert_true(quality_negative_from_deg(1) < from_deg);
 }
 
+/* Moments within five standard deviations of what so many numbers give; the same numbers from the same seed. */
+static void dice_are_uniform_and_normal(void **state) {
+    (void)state;
+    const int n = 100000;
+    struct dice d = {.state = 1}, again = {.state = 1};
+    double uniform = 0, normal = 0, square = 0, fourth = 0;
+    for (int i = 0; i < n; i++) {
+        double u = dice_uniform(&d), x = dice_normal(&d);
+        assert_true(u > 0 && u < 1 && u == dice_uniform(&again) && x == dice_normal(&again));
+        uniform += u / n;
+        normal += x / n;
+        square += x * x / n;
+        fourth += x * x * x * x / n;
+    }
+    assert_float_equal(uniform, 0.5, 5 * sqrt(1 / 12.0 / n));
+    assert_float_equal(normal, 0, 5 * sqrt(1.0 / n));
+    assert_float_equal(square, 1, 5 * sqrt(2.0 / n));
+    assert_float_equal(fourth, 3, 5 * sqrt(96.0 / n));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(coordinates_and_back),           cmocka_unit_test(chain_is_the_derivative),
-        cmocka_unit_test(the_narrower_lobe_is_the_first), cmocka_unit_test(drift_is_a_bridge),
-        cmocka_unit_test(energy_and_limits_by_hand),
+        cmocka_unit_test(dice_are_uniform_and_normal), cmocka_unit_test(coordinates_and_back),
+        cmocka_unit_test(chain_is_the_derivative),     cmocka_unit_test(the_narrower_lobe_is_the_first),
+        cmocka_unit_test(drift_is_a_bridge),           cmocka_unit_test(energy_and_limits_by_hand),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
