@@ -5,17 +5,9 @@
 
 #include "fit/fresnel.h"
 #include "fit/lobe.h"
+#include "fit/roughness.h"
 
 #define HIGHEST 1e50 /* keeps every product of parameters below overflow */
-
-/* x^2 / (x^2 + a) and its derivative: the saturating factors of Oren and Nayar. */
-struct saturation {
-    double value, slope;
-};
-
-struct roughness { /* everything of Oren and Nayar that depends on sigma alone */
-    struct saturation h, k, j;
-};
 
 struct surface { /* what one evaluation needs of the parameters, once for all points */
     const double *value;
@@ -29,15 +21,6 @@ struct surface { /* what one evaluation needs of the parameters, once for all po
 typedef void diffuse_part(const struct surface *x, const struct reflectance_geometry *g,
                           struct reflectance_parts *parts, double *slope);
 typedef double specular_part(const struct surface *x, const struct reflectance_geometry *g, double *slope);
-
-static struct saturation saturate(double sigma, double a) {
-    double s2 = sigma * sigma, sum = s2 + a;
-    return (struct saturation){1 / (1 + a / s2), 2 * sigma * (a / sum) / sum}; /* sigma^2 may be 0 or inf */
-}
-
-static struct roughness roughness_of(double sigma) {
-    return (struct roughness){saturate(sigma, 0.33), saturate(sigma, 0.09), saturate(sigma, 0.13)};
-}
 
 void reflectance_diffuse_factors(const struct reflectance_geometry *g, double sigma, double *l1, double *l2) {
     struct roughness r = roughness_of(sigma);
@@ -239,8 +222,8 @@ int reflectance_column(enum reflectance_model model, enum material_parameter par
     return -1;
 }
 
-static int check_domain(enum reflectance_model model, const double *value,
-                        const struct reflectance_optics *optics, struct err *e) {
+int reflectance_check(enum reflectance_model model, const double *value,
+                      const struct reflectance_optics *optics, struct err *e) {
     for (int j = 0; j < models[model].k; j++) {
         enum material_parameter p = models[model].parameter[j];
         enum reflectance_kind kind = models[model].kind[p];
@@ -267,7 +250,7 @@ static bool has(enum reflectance_model model, enum material_parameter p, enum re
 
 static int prepare(struct surface *x, enum reflectance_model model, const double *value,
                    const struct reflectance_optics *optics, struct err *e) {
-    int status = check_domain(model, value, optics, e);
+    int status = reflectance_check(model, value, optics, e);
     if (status) {
         return status;
     }

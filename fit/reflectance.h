@@ -86,6 +86,9 @@ int reflectance_geometry(struct reflectance_geometry *g, double theta_i_deg, dou
                          struct err *e);
 int reflectance_geometry_general(struct reflectance_geometry *g, double theta_i_deg, double theta_r_deg,
                                  double dphi_deg, struct err *e);
+/* Whether the parameters are inside the domain; the other calls ask it themselves. */
+int reflectance_check(enum reflectance_model model, const double *value,
+                      const struct reflectance_optics *optics, struct err *e);
 int reflectance_eval(enum reflectance_model model, size_t n, const struct reflectance_geometry *g,
                      const double *value, const struct reflectance_optics *optics, double *beta,
                      double *gradient, struct err *e);

@@ -1,0 +1,29 @@
+/*
+ * reflectance_wide.h — the inner loops behind fit/reflectance_batch.h, and what they need of the parameters.
+ */
+#ifndef FIT_REFLECTANCE_WIDE_H
+#define FIT_REFLECTANCE_WIDE_H
+
+#include "fit/lobe.h"
+#include "fit/reflectance_batch.h"
+
+struct reflectance_wide {            /* of the parameters, once for all points */
+    double s, s2_kappa_q, s_kappa_q; /* S, S^2 kappa q, 2 S kappa q */
+    double c1, k, j;                 /* C1 = 1 - h / 2 and the two saturating factors */
+    double c1_slope, k_slope, j_slope;
+    double height, height_2, inverse_gamma, inverse_gamma_2;
+    double n, n2_1, perpendicular, parallel; /* n^2 - 1, 1 + P, 1 - P */
+    struct lobe_tail tail;
+    double n_d, t0, t0_log;
+};
+
+struct reflectance_wide_view { /* columns of one call, all at its first point */
+    size_t n;                  /* a multiple of the lanes */
+    const double *in[REFLECTANCE_BATCH_COLUMNS];
+    double *beta, *slope[MATERIAL_PARAMETERS]; /* by enum material_parameter */
+};
+
+void reflectance_wide_run(enum reflectance_width width, enum reflectance_model model,
+                          const struct reflectance_wide *x, const struct reflectance_wide_view *v);
+
+#endif
