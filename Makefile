@@ -76,7 +76,7 @@ $(BUILD)/$(patsubst %_main,%,$(notdir $(basename $(1)))): $(BUILD)/$(basename $(
 endef
 $(foreach m,$(MAINS),$(eval $(call program,$(m))))
 
-TEST_SUPPORT := $(patsubst %.c,$(BUILD)/%.o,$(wildcard tests/support/*.c))
+TEST_SUPPORT := $(patsubst %,$(BUILD)/%.o,$(basename $(wildcard tests/support/*.c tests/support/*.cc)))
 $(BUILD)/tests/%: $(BUILD)/tests/%.o $(TEST_SUPPORT) $(LIBRARIES)
 	@echo "  LD  $@"
 	@$(CXX) $(SANITIZE) -o $@ $< $(TEST_SUPPORT) $(ARCHIVES) -Wl,--as-needed -lcmocka -lmpfr $(LINK_LIBS) $(CERES_LIBS) $(RENDER_LIBS)

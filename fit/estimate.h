@@ -85,6 +85,7 @@ struct estimate_input {
     /* Low and high bound by enum material_parameter in place of the usual ones, NaN = the usual one; or NULL. That
      * of beta' stays: it is none of beta' but of A (coordinates.h). */
     const double (*bound)[2];
+    const double *band_cov_next; /* [n * BANDS] covariance of a band with the next one, NaN = none; or NULL */
 };
 
 int estimate_fit(const struct estimate_input *input, struct estimate *estimate, struct err *e);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "fit/noise_law.h"
 #include "fit/spot.h"
 
 #define BETA_MAX 1e12 /* far above any lobe (beta' 1e6 at grazing); keeps squares finite */
@@ -237,27 +238,12 @@ int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model
                   : slope_along(form, model, value, optics, theta_i_deg, theta_v_deg, -sign, sign, sample, e);
 }
 
-/* How u_ind^2 runs with beta over the set, a + c beta^2 by least squares of relative deviations: it carries
- * u_ind from the noisy value to the model's, since weights from the noisy data themselves bias low
- * (reflection-model.md 3.7). */
-static void noise_law(const struct problem *p, double *a, double *c) {
-    double s00 = 0, s01 = 0, s11 = 0, t0 = 0, t1 = 0;
-    for (size_t i = 0; i < p->n; i++) {
-        double u = fmax(p->input->u_ind[i], floor_of(p->input->beta[i])), w = 1 / (u * u);
-        double b2 = p->model_beta[i] * p->model_beta[i] * w;
-        s00 += w * w;
-        s01 += w * b2;
-        s11 += b2 * b2;
-        t0 += w;
-        t1 += b2;
+static void noise_of(const struct problem *p, struct noise_law *law) {
+    const struct estimate_input *in = p->input;
+    for (size_t i = 0; in->u_ind && i < p->n; i++) {
+        noise_law_add(law, fmax(in->u_ind[i], floor_of(in->beta[i])), p->model_beta[i]);
     }
-    double det = s00 * s11 - s01 * s01;
-    *a = det > 1e-12 * s00 * s11 ? (t0 * s11 - t1 * s01) / det : 1;
-    *c = det > 1e-12 * s00 * s11 ? (t1 * s00 - t0 * s01) / det : 0;
-    if (*a <= 0 || *c < 0) { /* not of this form: keep u_ind as it is */
-        *a = 1;
-        *c = 0;
-    }
+    noise_law_solve(law);
 }
 
 /* Axis errors of point i: those of each reading alone into angle_u2, those of the zeros as slopes. */
@@ -279,10 +265,8 @@ static void add_spot(struct problem *p, size_t i) {
 
 int problem_reweigh(struct problem *p, const double *value, struct err *e) {
     const struct estimate_input *in = p->input;
-    double a = 1, c = 0;
-    if (in->u_ind) {
-        noise_law(p, &a, &c);
-    }
+    struct noise_law law = {0};
+    noise_of(p, &law);
     for (size_t i = 0; i < p->n; i++) {
         int status = problem_axis_slopes(&p->aperture.form, p->model, value, &p->optics, in->theta_i_deg[i],
                                          in->theta_v_deg[i], in->mirrored && in->mirrored[i],
@@ -295,10 +279,7 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
             continue;
         }
         double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
-        double seen = in->beta[i], fitted = p->model_beta[i];
-        /* A deviation of many u is not noise: the model misses the point, and its noise is as it was seen. */
-        bool missed = fabs(fitted - seen) > 4 * u;
-        double carry = missed ? 1 : (a + c * fitted * fitted) / (a + c * seen * seen);
+        double carry = noise_law_carry(&law, u, in->beta[i], p->model_beta[i]);
         set_weight(p, i, u * u * carry + p->angle_u2[i]);
     }
     return 0;

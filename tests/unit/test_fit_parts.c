@@ -9,6 +9,7 @@
 #include "fit/coordinates.h"
 #include "fit/dice.h"
 #include "fit/drift.h"
+#include "fit/noise_law.h"
 #include "fit/published.h"
 #include "fit/quality.h"
 
@@ -147,11 +148,31 @@ static void dice_are_uniform_and_normal(void **state) {
     assert_float_equal(fourth, 3, 5 * sqrt(96.0 / n));
 }
 
+static void noise_is_carried_to_the_model(void **state) {
+    (void)state;
+    struct noise_law law = {0}, flat = {0};
+    for (int i = 1; i < 20; i++) { /* u^2 = 1e-6 + 2.5e-5 beta^2 */
+        double beta = 0.05 * i * i;
+        noise_law_add(&law, sqrt(1e-6 + 2.5e-5 * beta * beta), beta);
+        noise_law_add(&flat, 0.1 / i, beta); /* falls with beta: no such law */
+    }
+    noise_law_solve(&law);
+    noise_law_solve(&flat);
+    assert_float_equal(law.c / law.a, 25, 1e-6);
+    assert_float_equal(noise_law_carry(&law, 0.005, 1, 1.01), (1 + 25 * 1.0201) / 26, 1e-9);
+    assert_true(noise_law_carry(&law, 0.005, 1, 1.03) == 1); /* missed by 6 u: no noise */
+    assert_true(noise_law_carry(&flat, 0.005, 1, 1.01) == 1);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(dice_are_uniform_and_normal), cmocka_unit_test(coordinates_and_back),
-        cmocka_unit_test(chain_is_the_derivative),     cmocka_unit_test(the_narrower_lobe_is_the_first),
-        cmocka_unit_test(drift_is_a_bridge),           cmocka_unit_test(energy_and_limits_by_hand),
+        cmocka_unit_test(dice_are_uniform_and_normal),
+        cmocka_unit_test(coordinates_and_back),
+        cmocka_unit_test(chain_is_the_derivative),
+        cmocka_unit_test(the_narrower_lobe_is_the_first),
+        cmocka_unit_test(drift_is_a_bridge),
+        cmocka_unit_test(energy_and_limits_by_hand),
+        cmocka_unit_test(noise_is_carried_to_the_model),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

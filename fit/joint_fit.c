@@ -1,0 +1,120 @@
+#include "fit/joint_fit.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/joint_covariance.h"
+
+static int refuse(struct joint *joint, const char *why) {
+    joint->converged = false;
+    snprintf(joint->refusal, sizeof joint->refusal, "%.255s", why);
+    return 0;
+}
+
+static void clear(struct joint *joint, const struct estimate *start, bool per_band) {
+    *joint = (struct joint){.beta_prime_per_band = per_band, .kappa = start->kappa, .chi2 = NAN};
+    snprintf(joint->model, sizeof joint->model, "%s", start->model);
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        joint->value[p] = NAN;
+    }
+    for (int b = 0; b < BANDS; b++) {
+        joint->s_lambda[b] = joint->beta_prime[b] = NAN;
+    }
+}
+
+static void fill(struct joint *joint, const struct joint_data *d, const struct joint_solution *solution) {
+    double value[MATERIAL_PARAMETERS];
+    coordinates_to_value(d->p->model, solution->x, value);
+    for (int c = 0; c < d->p->k; c++) {
+        const enum material_parameter p = reflectance_parameter(d->p->model, c);
+        const bool per_band = p == MATERIAL_S || (p == MATERIAL_BETA_PRIME && joint->beta_prime_per_band);
+        joint->value[p] = per_band ? NAN : value[p];
+    }
+    for (int b = 0; b < d->n_bands; b++) {
+        joint->s_lambda[d->band[b]] = solution->s[b];
+        if (material_parameter_name(joint->model, MATERIAL_BETA_PRIME)) {
+            joint->beta_prime[d->band[b]] = solution->t[b] * value[MATERIAL_BETA_PRIME];
+        }
+    }
+    joint->n_points = (int)d->n;
+    joint->n_values = (int)d->n_values;
+    joint->n_bands = d->n_bands;
+    joint->chi2 = solution->chi2;
+    joint->converged = solution->converged;
+}
+
+/* Twice: with the u of the readings, and with what the model of the first makes of them. */
+static int solve(struct joint_data *d, const double *value, bool per_band, struct joint_solution *solution,
+                 double *model, struct err *e) {
+    double x[COORDINATES_MAX];
+    coordinates_from_value(d->p->model, value, x);
+    int status = joint_solve(d, x, per_band, solution, model, e);
+    if (status || !d->known || d->p->input->unweighted) {
+        return status;
+    }
+    joint_data_reweigh(d, model);
+    memcpy(x, solution->x, sizeof x);
+    return joint_solve(d, x, per_band, solution, model, e);
+}
+
+static int fit_bands(struct joint_data *d, const double *value, struct joint *joint, struct err *e) {
+    struct joint_solution solution;
+    const bool per_band = joint->beta_prime_per_band;
+    if (d->n_bands == 0) {
+        return refuse(joint, "no band was measured at three points or more");
+    }
+    double *model = calloc((size_t)d->n_bands * d->n, sizeof *model);
+    if (!model) {
+        return err_set(e, ERR_NOMEM, "no memory for a joint fit of %zu values", d->n_values);
+    }
+    int status = solve(d, value, per_band, &solution, model, e);
+    if (!status) {
+        fill(joint, d, &solution);
+        status = joint_covariance(d, &solution, per_band, model, joint, e);
+    }
+    free(model);
+    return status;
+}
+
+static int fit_problem(struct problem *p, const struct estimate *start, struct joint *joint, struct err *e) {
+    struct joint_data d;
+    p->optics.q = start->q;
+    int status = problem_evaluate(p, start->value, e);
+    if (status || (status = problem_reweigh(p, start->value, e)) || (status = joint_data_init(&d, p, e))) {
+        return status;
+    }
+    status = fit_bands(&d, start->value, joint, e);
+    joint_data_free(&d);
+    return status;
+}
+
+int joint_fit(const struct estimate_input *input, const struct estimate *start, bool beta_prime_per_band,
+              struct joint *joint, struct err *e) {
+    struct problem p;
+    struct err failure = {0};
+    clear(joint, start, beta_prime_per_band);
+    if (!start->converged || !input->band_beta) {
+        return refuse(joint, start->converged ? "the points have no bands" : start->refusal);
+    }
+    if (beta_prime_per_band && !material_parameter_name(start->model, MATERIAL_BETA_PRIME)) {
+        return err_set(e, ERR_USAGE, "the %s model has no beta' that could be free per band", start->model);
+    }
+    int status = problem_init(&p, input, e);
+    if (status) {
+        return status;
+    }
+    status = fit_problem(&p, start, joint, &failure);
+    problem_free(&p);
+    if (status) {
+        joint_free(joint);
+    }
+    if (status == -ERR_FIT) { /* bands that defeat the fit say so; the estimate of the means stands */
+        return refuse(joint, failure.text);
+    }
+    if (status && e) {
+        *e = failure;
+    }
+    return status;
+}
