@@ -1,5 +1,7 @@
 #include "fit/render/image.h"
+#include "fit/render/raster.h"
 
+#include <errno.h>
 #include <png.h>
 #include <setjmp.h>
 #include <stdio.h>
@@ -70,4 +72,73 @@ int image_png(void *file, const struct picture *picture, const unsigned char *pr
     png_destroy_write_struct(png ? &png : NULL, info ? &info : NULL);
     free(row);
     return own.code ? err_set(e, (enum err_code)own.code, "%s", own.text) : 0;
+}
+
+static void refuse(png_structp png, png_const_charp text) {
+    struct err *e = png_get_error_ptr(png);
+    err_set(e, ERR_INPUT, "it is no PNG that can be read: %s", text);
+    png_longjmp(png, 1);
+}
+
+static void take_rows(png_structp png, struct raster *raster, int passes) {
+    size_t n = 3 * (size_t)raster->width;
+    for (int pass = 0; pass < passes; pass++) {
+        for (int y = 0; y < raster->height; y++) {
+            png_read_row(png, (png_bytep)(raster->rgb + (size_t)y * n), NULL);
+        }
+    }
+}
+
+/* Whatever is inside, as RGB of 16 bits in the order of this machine. */
+static void take_picture(png_structp png, png_infop info, struct raster *raster, struct err *e) {
+    png_read_info(png, info);
+    uint64_t width = png_get_image_width(png, info), height = png_get_image_height(png, info);
+    if (width * height > RASTER_PIXELS_MAX) {
+        err_set(e, ERR_INPUT, "it has %llu pixels; at most %d are read", (unsigned long long)(width * height),
+                RASTER_PIXELS_MAX);
+        return;
+    }
+    png_set_expand_16(png);
+    png_set_gray_to_rgb(png);
+    png_set_strip_alpha(png);
+    png_set_swap(png);
+    int passes = png_set_interlace_handling(png);
+    png_read_update_info(png, info);
+    raster->width = (int)width;
+    raster->height = (int)height;
+    raster->rgb = calloc(3 * width * height, sizeof *raster->rgb);
+    if (!raster->rgb) {
+        err_set(e, ERR_NOMEM, "no memory for %d x %d pixels", raster->width, raster->height);
+        return;
+    }
+    take_rows(png, raster, passes);
+}
+
+int raster_read(const char *path, struct raster *raster, struct err *e) {
+    struct err own = {0};
+    FILE *file = fopen(path, "rb");
+    if (!file) {
+        return err_errno(e, ERR_IO, errno, "%s cannot be read", path);
+    }
+    *raster = (struct raster){0};
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &own, refuse, ignore);
+    png_infop info = png ? png_create_info_struct(png) : NULL;
+    if (!info) {
+        err_set(&own, ERR_NOMEM, "no memory to read a PNG");
+    } else if (setjmp(png_jmpbuf(png)) == 0) {
+        png_init_io(png, file);
+        take_picture(png, info, raster, &own);
+    }
+    png_destroy_read_struct(png ? &png : NULL, info ? &info : NULL, NULL);
+    fclose(file);
+    if (own.code) {
+        raster_free(raster);
+        return err_set(e, (enum err_code)own.code, "%s: %s", path, own.text);
+    }
+    return 0;
+}
+
+void raster_free(struct raster *raster) {
+    free(raster->rgb);
+    *raster = (struct raster){0};
 }

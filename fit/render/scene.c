@@ -164,8 +164,41 @@ static int find_paint(const struct scene *scene, const char *name) {
     return -1;
 }
 
+/* Under which of its keys a shape names its materials. */
+static const char *material_place(struct check *c, int i, char *at, size_t size) {
+    static const char *const keys[] = {"material", "materials", "mask"};
+    const char *kind = shape_name(c->scene->shape[i].kind);
+    for (int k = 0; k < 3; k++) {
+        snprintf(at, size, "shapes[%d].%s.%s", i, kind, keys[k]);
+        if (yaml_place_find(&c->places, at)) {
+            return at;
+        }
+    }
+    return at;
+}
+
+static bool is_written(const struct check *c, int shape, const char *key) {
+    char at[96];
+    snprintf(at, sizeof at, "shapes[%d].rectangle.%s", shape, key);
+    return yaml_place_find(&c->places, at) != NULL;
+}
+
+static void check_rectangle(struct check *c, int i) {
+    bool material = is_written(c, i, "material"), mask = is_written(c, i, "mask");
+    char at[96];
+    snprintf(at, sizeof at, "shapes[%d].rectangle", i);
+    if (material == mask || mask != is_written(c, i, "mask_image")) {
+        complain(c, at,
+                 "a rectangle needs a material, or a mask_image with the materials of its colours as `mask`");
+    }
+    if (is_written(c, i, "relief_mm") && !is_written(c, i, "relief")) {
+        complain(c, at, "relief_mm is the height of a relief: name its picture as `relief`");
+    }
+}
+
 static void check_shape(struct check *c, int i) {
     struct shape *s = &c->scene->shape[i];
+    struct err e = {0};
     char at[96];
     snprintf(at, sizeof at, "shapes[%d]", i);
     int kind = only_kind(c, at, s->given, SHAPE_KINDS);
@@ -173,12 +206,20 @@ static void check_shape(struct check *c, int i) {
         return;
     }
     s->kind = (enum shape_kind)kind;
-    s->paint = find_paint(c->scene, s->material);
-    if (s->paint < 0) {
-        snprintf(at, sizeof at, "shapes[%d].%s.material", i, shape_name(s->kind));
-        complain(c, at, "there is no material '%s' under `materials`", s->material);
+    for (int k = 0; k < s->n_materials; k++) {
+        s->paint_of[k] = find_paint(c->scene, s->material[k]);
+        if (s->paint_of[k] < 0) {
+            complain(c, material_place(c, i, at, sizeof at), "there is no material '%s' under `materials`",
+                     s->material[k]);
+        }
     }
-    shape_prepare(s, c->scene->folder, c->errors);
+    if (s->kind == SHAPE_RECTANGLE) {
+        check_rectangle(c, i);
+    }
+    if (shape_prepare(s, c->scene->folder, &e)) {
+        snprintf(at, sizeof at, "shapes[%d].%s", i, shape_name(s->kind));
+        complain(c, at, "%.400s", e.text);
+    }
 }
 
 static void check_spd(struct check *c, const char *at, struct light *light) {

@@ -4,25 +4,12 @@
 
 #include "fit/render/scene.h"
 
-#define SIZE_MAX_MM 1e6
 #define AT_SCENE(field) offsetof(struct scene, field)
 #define AT_MATERIAL(field) offsetof(struct scene_material, field)
-#define AT_SHAPE(field) offsetof(struct shape, field)
 #define AT_LIGHT(field) offsetof(struct light, field)
 #define AT_CAMERA(field) offsetof(struct camera, field)
 #define AT_IMAGE(field) offsetof(struct scene_image, field)
 
-/* Three numbers; count: of those read. */
-#define VECTOR(key, where, count, before, text)                                                              \
-    {                                                                                                        \
-        .name = key, .type = YAML_DOUBLES, .offset = where, .count_offset = count, .capacity = 3,            \
-        .minimum = 3, .low = -SIZE_MAX_MM, .high = SIZE_MAX_MM, .default_text = before, .doc = text          \
-    }
-#define LENGTH(key, where, needed, before, text)                                                             \
-    {                                                                                                        \
-        .name = key, .type = YAML_DOUBLE, .offset = where, .low = 1e-6, .high = SIZE_MAX_MM,                 \
-        .required = needed, .default_text = before, .unit = "mm", .doc = text                                \
-    }
 #define PARAMETER(key, field, lowest, before, text)                                                          \
     {                                                                                                        \
         .name = key, .type = YAML_DOUBLE, .offset = AT_MATERIAL(field), .low = lowest, .high = 1e50,         \
@@ -70,42 +57,6 @@ static const struct yaml_key material_keys[] = {
     PARAMETER("kappa", kappa, 0, "1", "of the interreflection; pi is the paper's printed form"),
     {0}};
 
-#define PLACED                                                                                               \
-    {.name = "material",                                                                                     \
-     .type = YAML_STRING,                                                                                    \
-     .offset = AT_SHAPE(material),                                                                           \
-     .size = sizeof((struct shape *)0)->material,                                                            \
-     .required = true,                                                                                       \
-     .doc = "the name of a material"},                                                                       \
-        VECTOR("at_mm", AT_SHAPE(at_mm), AT_SHAPE(n_at), "[0, 0, 0]", "place of its centre"),                \
-        VECTOR("turn_deg", AT_SHAPE(turn_deg), AT_SHAPE(n_turn), "[0, 0, 0]",                                \
-               "turned about x, then y, then z")
-
-static const struct yaml_key cylinder_keys[] = {
-    PLACED,
-    LENGTH("radius_mm", AT_SHAPE(cylinder.radius_mm), true, NULL, "radius"),
-    LENGTH("length_mm", AT_SHAPE(cylinder.length_mm), true, NULL, "length, along y"),
-    {.name = "open",
-     .type = YAML_BOOL,
-     .offset = AT_SHAPE(cylinder.open),
-     .default_text = "false",
-     .doc = "without the discs at its ends"},
-    {0}};
-
-static const struct yaml_key sphere_keys[] = {
-    PLACED, LENGTH("radius_mm", AT_SHAPE(sphere.radius_mm), true, NULL, "radius"), {0}};
-
-#define SHAPE(key, kind, table, text)                                                                        \
-    {                                                                                                        \
-        .name = key, .type = YAML_MAP, .offset = 0, .keys = table,                                           \
-        .set_offset = AT_SHAPE(given) + (kind) * sizeof(bool) + 1, .doc = text                               \
-    }
-
-static const struct yaml_key shape_keys[] = {
-    SHAPE("cylinder", SHAPE_CYLINDER, cylinder_keys, "a painted cylinder, upright without a turn"),
-    SHAPE("sphere", SHAPE_SPHERE, sphere_keys, "a painted sphere"),
-    {0}};
-
 static int read_theta(struct yaml_reader *r, const struct yaml_node *node, void *object);
 
 static const struct yaml_key beam_keys[] = {
@@ -147,18 +98,19 @@ static const struct yaml_key light_keys[] = {{.name = "beam",
                                              {0}};
 
 static const struct yaml_key orthographic_keys[] = {
-    VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
-           "the middle of the picture"),
-    VECTOR("from", AT_CAMERA(from), AT_CAMERA(n_from), "[0, 0, 1]", "direction towards the camera"),
-    VECTOR("up", AT_CAMERA(up), AT_CAMERA(n_up), "[0, 1, 0]", "what is up in the picture"),
-    LENGTH("height_mm", AT_CAMERA(height_mm), true, NULL, "height of what is seen"),
+    SCENE_VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
+                 "the middle of the picture"),
+    SCENE_VECTOR("from", AT_CAMERA(from), AT_CAMERA(n_from), "[0, 0, 1]", "direction towards the camera"),
+    SCENE_VECTOR("up", AT_CAMERA(up), AT_CAMERA(n_up), "[0, 1, 0]", "what is up in the picture"),
+    SCENE_LENGTH("height_mm", AT_CAMERA(height_mm), true, NULL, "height of what is seen"),
     {0}};
 
 static const struct yaml_key perspective_keys[] = {
-    VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
-           "the middle of the picture"),
-    VECTOR("position_mm", AT_CAMERA(position_mm), AT_CAMERA(n_position), NULL, "where the camera stands"),
-    VECTOR("up", AT_CAMERA(up), AT_CAMERA(n_up), "[0, 1, 0]", "what is up in the picture"),
+    SCENE_VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
+                 "the middle of the picture"),
+    SCENE_VECTOR("position_mm", AT_CAMERA(position_mm), AT_CAMERA(n_position), NULL,
+                 "where the camera stands"),
+    SCENE_VECTOR("up", AT_CAMERA(up), AT_CAMERA(n_up), "[0, 1, 0]", "what is up in the picture"),
     {.name = "height_deg",
      .type = YAML_DOUBLE,
      .offset = AT_CAMERA(height_deg),
@@ -233,7 +185,7 @@ const struct yaml_key scene_keys[] = {{.name = "name",
                                        .size = sizeof(struct shape),
                                        .count_offset = AT_SCENE(n_shapes),
                                        .capacity = SCENE_SHAPES,
-                                       .keys = shape_keys,
+                                       .keys = scene_shape_keys,
                                        .doc = "each a mapping with one key, its kind"},
                                       {.name = "lights",
                                        .type = YAML_LIST,

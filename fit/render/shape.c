@@ -1,53 +1,64 @@
 #include "fit/render/shape.h"
 
-static bool cylinder_convex(const struct shape *s) {
-    return !s->cylinder.open;
-}
+struct kind { /* NULL: nothing to do */
+    const char *name;
+    bool (*hit)(const struct shape *s, const struct ray *ray, struct hit *hit);
+    double (*reach)(const struct shape *s);
+    bool (*shadow)(const struct shape *s, const struct hit *hit, struct vec3 l);
+    int (*prepare)(struct shape *s, const char *folder, struct err *e);
+    void (*free)(struct shape *s);
+};
 
 static double cylinder_reach(const struct shape *s) {
     return hypot(s->cylinder.radius_mm, s->cylinder.length_mm / 2);
-}
-
-static bool always(const struct shape *s) {
-    (void)s;
-    return true;
 }
 
 static double sphere_reach(const struct shape *s) {
     return s->sphere.radius_mm;
 }
 
-static const struct {
-    const char *name;
-    bool (*hit)(const struct shape *s, const struct ray *ray, struct hit *hit);
-    bool (*convex)(const struct shape *s);
-    double (*reach)(const struct shape *s);
-} kinds[SHAPE_KINDS] = {
-    [SHAPE_CYLINDER] = {"cylinder", shape_cylinder_hit, cylinder_convex, cylinder_reach},
-    [SHAPE_SPHERE] = {"sphere", shape_sphere_hit, always, sphere_reach},
+static double rectangle_reach(const struct shape *s) {
+    return hypot(s->rectangle.width_mm, s->rectangle.height_mm) / 2;
+}
+
+static double board_reach(const struct shape *s) {
+    int rows = (s->n_materials + s->board.columns - 1) / s->board.columns;
+    return hypot(rows, s->board.columns) * (s->board.patch_mm + s->board.gap_mm) / 2;
+}
+
+static const struct kind kinds[SHAPE_KINDS] = {
+    [SHAPE_CYLINDER] = {.name = "cylinder", .hit = shape_cylinder_hit, .reach = cylinder_reach},
+    [SHAPE_SPHERE] = {.name = "sphere", .hit = shape_sphere_hit, .reach = sphere_reach},
+    [SHAPE_RECTANGLE] = {"rectangle", shape_rectangle_hit, rectangle_reach, shape_rectangle_shadow,
+                         shape_rectangle_prepare, shape_rectangle_free},
+    [SHAPE_BOARD] = {.name = "board", .hit = shape_board_hit, .reach = board_reach},
 };
 
 const char *shape_name(enum shape_kind kind) {
     return kinds[kind].name;
 }
 
-int shape_prepare(struct shape *s, const char *folder, struct err_list *errors) {
-    (void)folder;
-    (void)errors;
+int shape_prepare(struct shape *s, const char *folder, struct err *e) {
     s->frame = frame_make(s->at_mm, s->turn_deg);
-    return 0;
+    return kinds[s->kind].prepare ? kinds[s->kind].prepare(s, folder, e) : 0;
 }
 
 void shape_free(struct shape *s) {
-    (void)s;
+    if (kinds[s->kind].free) {
+        kinds[s->kind].free(s);
+    }
 }
 
 bool shape_hit(const struct shape *s, const struct ray *ray, struct hit *hit) {
     return kinds[s->kind].hit(s, ray, hit);
 }
 
+bool shape_shadows_itself(const struct shape *s, const struct hit *hit, struct vec3 l) {
+    return kinds[s->kind].shadow && kinds[s->kind].shadow(s, hit, l);
+}
+
 bool shape_is_convex(const struct shape *s) {
-    return kinds[s->kind].convex(s);
+    return s->kind != SHAPE_RECTANGLE || !s->rectangle.relief.height_mm;
 }
 
 double shape_reach_mm(const struct shape *s) {

@@ -6,7 +6,7 @@
  * (flat shapes: towards their +z); what is seen from behind is black.
  *
  * Units      millimetres and degrees.
- * Errors     shape_prepare: -ERR_INPUT a size that is no size, a file that cannot be used (errors say where).
+ * Errors     shape_prepare: -ERR_IO, -ERR_INPUT a file that cannot be used; -ERR_NOMEM.
  * Promises   shape_hit: no allocation, any thread; a ray inside a surface does not meet it.
  * Checked    tests/unit/test_render_shapes.c
  */
@@ -16,9 +16,12 @@
 #include <stdbool.h>
 
 #include "fit/render/frame.h"
+#include "fit/render/relief.h"
 #include "proto/err.h"
 
-enum shape_kind { SHAPE_CYLINDER, SHAPE_SPHERE, SHAPE_KINDS };
+#define SHAPE_MATERIALS 64
+
+enum shape_kind { SHAPE_CYLINDER, SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_BOARD, SHAPE_KINDS };
 
 struct shape_cylinder {
     double radius_mm, length_mm;
@@ -29,16 +32,33 @@ struct shape_sphere {
     double radius_mm;
 };
 
+struct shape_rectangle { /* a painting: its materials by a mask, its relief by a height map */
+    double width_mm, height_mm;
+    char mask_file[256], relief_file[256];
+    unsigned mask_colour[SHAPE_MATERIALS]; /* 0xrrggbb of material i */
+    double relief_mm;                      /* height of the code 65535 */
+    int mask_width, mask_height;
+    uint8_t *mask; /* index into the shape's materials, by rows from the top; NULL: all of one material */
+    struct relief relief;
+};
+
+struct shape_board { /* patches by rows from the top left; what is between them is not there */
+    int columns;
+    double patch_mm, gap_mm;
+};
+
 struct shape {
     enum shape_kind kind;
     bool given[SHAPE_KINDS]; /* as written in the scene: one of them must be */
-    char material[64];
-    int paint; /* index into the scene's paints */
+    char material[SHAPE_MATERIALS][64];
+    int n_materials, paint_of[SHAPE_MATERIALS]; /* index into the scene's paints of each material */
     double at_mm[3], turn_deg[3];
     int n_at, n_turn;
     struct frame frame;
     struct shape_cylinder cylinder;
     struct shape_sphere sphere;
+    struct shape_rectangle rectangle;
+    struct shape_board board;
 };
 
 struct hit {
@@ -48,16 +68,24 @@ struct hit {
 };
 
 const char *shape_name(enum shape_kind kind);
-int shape_prepare(struct shape *s, const char *folder, struct err_list *errors);
+/* Reads what the shape names; folder: where a relative path begins. */
+int shape_prepare(struct shape *s, const char *folder, struct err *e);
 void shape_free(struct shape *s);
 /* Nearer than hit->t_mm: fills *hit (all but shape) and returns true. */
 bool shape_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 /* No point of it is lit or seen through another of its points: it casts no shadow on itself. */
 bool shape_is_convex(const struct shape *s);
+/* Whether its own relief stands between a hit on it and the light in direction l. */
+bool shape_shadows_itself(const struct shape *s, const struct hit *hit, struct vec3 l);
 /* The sphere around frame.at that holds all of it. */
 double shape_reach_mm(const struct shape *s);
 
 bool shape_cylinder_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 bool shape_sphere_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
+bool shape_rectangle_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
+bool shape_rectangle_shadow(const struct shape *s, const struct hit *hit, struct vec3 l);
+int shape_rectangle_prepare(struct shape *s, const char *folder, struct err *e);
+void shape_rectangle_free(struct shape *s);
+bool shape_board_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 
 #endif

@@ -42,6 +42,6 @@ bool shape_cylinder_hit(const struct shape *s, const struct ray *ray, struct hit
     hit->t_mm = t;
     hit->position = vec3_add(ray->origin, vec3_scale(ray->direction, t));
     hit->normal = frame_out(&s->frame, normal);
-    hit->paint = s->paint;
+    hit->paint = s->paint_of[0];
     return true;
 }

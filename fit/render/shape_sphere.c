@@ -17,6 +17,6 @@ bool shape_sphere_hit(const struct shape *s, const struct ray *ray, struct hit *
     hit->t_mm = t;
     hit->position = vec3_add(s->frame.at, from_centre);
     hit->normal = vec3_unit(from_centre);
-    hit->paint = s->paint;
+    hit->paint = s->paint_of[0];
     return true;
 }

@@ -18,7 +18,7 @@ static bool in_shadow(const struct trace *t, const struct hit *hit, struct vec3 
     struct hit other;
     struct ray ray = {hit->position, l, LIFT * t->scene->camera.reach_mm};
     counts->shadow_rays++;
-    return nearest_hit(t->scene, &ray, &other);
+    return shape_shadows_itself(&t->scene->shape[hit->shape], hit, l) || nearest_hit(t->scene, &ray, &other);
 }
 
 /* The mask is a literal in each case, so that the compiler drops what is not in it. */

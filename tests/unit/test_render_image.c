@@ -14,6 +14,7 @@
 
 #include "fit/render/icc.h"
 #include "fit/render/image.h"
+#include "fit/render/raster.h"
 #include "proto/file.h"
 
 #define WIDTH 5
@@ -66,6 +67,35 @@ static void a_png_reads_back(void **state) {
         fclose(file);
     }
     unlink(path);
+}
+
+static void a_raster_is_what_was_written(void **state) {
+    (void)state;
+    char path[] = "/tmp/goniod-picture-XXXXXX.png", *bytes;
+    size_t size;
+    uint16_t rgb[3 * WIDTH * HEIGHT];
+    struct raster raster;
+    close(mkstemps(path, 4));
+    for (int bits = 8; bits <= 16; bits += 8) {
+        struct picture picture = picture_of(bits, rgb);
+        assert_int_equal(image_write(path, &picture, "{}", NULL), 0);
+        assert_int_equal(raster_read(path, &raster, NULL), 0);
+        assert_true(raster.width == WIDTH && raster.height == HEIGHT);
+        for (int i = 0; i < 3 * WIDTH * HEIGHT; i++)
+            assert_int_equal(raster.rgb[i], bits == 8 ? 257 * rgb[i] : rgb[i]);
+        raster_free(&raster);
+    }
+    assert_int_equal(file_read(path, 1 << 20, &bytes, &size, NULL), 0);
+    for (size_t cut = 0; cut < size - 12;
+         cut += 7) { /* a file that ends too soon; IEND alone may be missing */
+        FILE *file = fopen(path, "wb");
+        fwrite(bytes, 1, cut, file);
+        fclose(file);
+        assert_true(raster_read(path, &raster, NULL) < 0);
+    }
+    free(bytes);
+    unlink(path);
+    assert_int_equal(raster_read(path, &raster, NULL), -ERR_IO);
 }
 
 static void the_same_picture_gives_the_same_bytes(void **state) {
@@ -144,6 +174,7 @@ static void what_cannot_be_written_is_said(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_png_reads_back),
+        cmocka_unit_test(a_raster_is_what_was_written),
         cmocka_unit_test(the_same_picture_gives_the_same_bytes),
         cmocka_unit_test(the_profile_is_the_space),
         cmocka_unit_test(what_cannot_be_written_is_said),
