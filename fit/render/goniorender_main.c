@@ -1,7 +1,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "fit/render/commands.h"
+#include "fit/render/verbs.h"
 #include "fit/render/scene_keys.h"
 
 static const char help[] = "usage: goniorender render SCENE.yaml -o FILE.png\n"
@@ -35,7 +35,7 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"render", command_render},
+    {"render", verb_render},
     {"--scene-reference", command_reference},
     {"--help", command_help},
     {"--version", command_version},

@@ -91,7 +91,7 @@ static void a_mask_says_where_each_material_is(void **state) {
     (void)state;
     struct scene *scene = scene_of(
         PAINTING "shapes: [rectangle: {width_mm: 96, height_mm: 72, mask_image: mask.png,\n"
-                 "  mask: {'#ff8000': b, '#008000': c, '#4060FF': a}, relief: relief.png, relief_mm: 3}]\n");
+                 "  mask: {'#ff8000': b, '#008000': c, '#4060FF': a}, relief: relief.png, relief_mm: 6}]\n");
     struct planes planes;
     struct render_report report;
     planes_of(scene, &(struct render_options){0}, &planes, &report);

@@ -1,4 +1,4 @@
-#include "fit/render/commands.h"
+#include "fit/render/verbs.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -200,7 +200,7 @@ static int render_series(const struct job *job, struct err *e) {
         if (job->scene->n_pictures == 1) {
             snprintf(path, sizeof path, "%s", job->options.output);
         } else {
-            command_numbered(job->options.output, k + 1, path, sizeof path);
+            verb_numbered(job->options.output, k + 1, path, sizeof path);
         }
         status = render_one(job, path, e);
     }
@@ -211,24 +211,24 @@ static int render_series(const struct job *job, struct err *e) {
     return status;
 }
 
-int command_render(int argc, char **argv) {
+int verb_render(int argc, char **argv) {
     struct job job = {0};
     struct err e = {0};
     struct err_list errors = {0};
     double started = stopwatch_s();
-    job.line = command_line(argc, argv); /* before any word is cut */
+    job.line = verb_line(argc, argv); /* before any word is cut */
     int status = read_options(argc, argv, &job.options, &e);
     if (status) {
         free(job.line);
-        return status > 0 ? 0 : command_complain("render", &e);
+        return status > 0 ? 0 : verb_complain("render", &e);
     }
     job.scene = scene_read(job.options.scene, job.options.session, job.options.n_sessions, &errors);
     if (!job.scene) {
         free(job.line);
-        return command_complain_all(&errors);
+        return verb_complain_all(&errors);
     }
     job.parse_s = stopwatch_s() - started;
-    job.options.render.cancel = command_cancel();
+    job.options.render.cancel = verb_cancel();
     job.options.render.progress = isatty(STDERR_FILENO);
     job.reports = json_array();
     print_materials(job.scene);
@@ -237,5 +237,5 @@ int command_render(int argc, char **argv) {
     json_decref(job.reports);
     free(job.line);
     scene_free(job.scene);
-    return status ? command_complain("render", &e) : 0;
+    return status ? verb_complain("render", &e) : 0;
 }

@@ -1,4 +1,4 @@
-#include "fit/render/commands.h"
+#include "fit/render/verbs.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@ static void cancel(int number) {
     signal(number, SIG_DFL);
 }
 
-const volatile sig_atomic_t *command_cancel(void) {
+const volatile sig_atomic_t *verb_cancel(void) {
     signal(SIGINT, cancel);
     signal(SIGTERM, cancel);
     return &cancelled;
@@ -21,13 +21,13 @@ static int exit_status(int code) {
     return code == ERR_USAGE || code == ERR_INPUT || code == ERR_RANGE || code == ERR_STATE ? 2 : 1;
 }
 
-int command_complain(const char *command, const struct err *e) {
+int verb_complain(const char *command, const struct err *e) {
     char text[1024];
     fprintf(stderr, "goniorender %s: %s\n", command, err_format(e, text, sizeof text));
     return exit_status(e->code);
 }
 
-int command_complain_all(struct err_list *errors) {
+int verb_complain_all(struct err_list *errors) {
     char text[1024];
     for (size_t i = 0; i < errors->n; i++) {
         fprintf(stderr, "%s\n", err_format(&errors->item[i], text, sizeof text));
@@ -36,7 +36,7 @@ int command_complain_all(struct err_list *errors) {
     return 2;
 }
 
-char *command_line(int argc, char **argv) {
+char *verb_line(int argc, char **argv) {
     size_t size = sizeof "goniorender";
     for (int i = 0; i < argc; i++) {
         size += strlen(argv[i]) + 1;
@@ -53,7 +53,7 @@ char *command_line(int argc, char **argv) {
     return line;
 }
 
-void command_numbered(const char *path, int number, char *out, size_t size) {
+void verb_numbered(const char *path, int number, char *out, size_t size) {
     const char *dot = strrchr(path, '.');
     int stem = dot ? (int)(dot - path) : (int)strlen(path);
     snprintf(out, size, "%.*s-%03d%s", stem, path, number, dot ? dot : "");

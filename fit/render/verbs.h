@@ -1,25 +1,25 @@
 /*
- * commands.h — the subcommands of goniorender: argc and argv from the subcommand's name on; the exit status returned.
+ * verbs.h — the subcommands of goniorender: argc and argv from the subcommand's name on; the exit status returned.
  *
  * Exit status 0 done; 1 the work failed or was interrupted; 2 bad usage or bad input, nothing was started. Results go
  * to stdout, messages to stderr; a mistake in a file is FILE:LINE:COLUMN: sentence.
  * Checked    tests/unit/test_goniorender.py
  */
-#ifndef FIT_RENDER_COMMANDS_H
-#define FIT_RENDER_COMMANDS_H
+#ifndef FIT_RENDER_VERBS_H
+#define FIT_RENDER_VERBS_H
 
 #include <signal.h>
 
 #include "proto/err.h"
 
-int command_render(int argc, char **argv);
-int command_complain(const char *command, const struct err *e);
-int command_complain_all(struct err_list *errors); /* prints, frees */
+int verb_render(int argc, char **argv);
+int verb_complain(const char *command, const struct err *e);
+int verb_complain_all(struct err_list *errors); /* prints, frees */
 /* Becomes 1 at the first SIGINT or SIGTERM after the call; the second ends the process. */
-const volatile sig_atomic_t *command_cancel(void);
+const volatile sig_atomic_t *verb_cancel(void);
 /* The words as one line, as a person would type them; malloc. */
-char *command_line(int argc, char **argv);
+char *verb_line(int argc, char **argv);
 /* FILE-007.png for FILE.png, where a series has several pictures. */
-void command_numbered(const char *path, int number, char *out, size_t size);
+void verb_numbered(const char *path, int number, char *out, size_t size);
 
 #endif
