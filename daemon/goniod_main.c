@@ -297,6 +297,8 @@ static int run(struct daemon *d) {
     signal(SIGXFSZ, SIG_IGN); /* a limit on files is reported like a full disk */
     int result = lock_sessions(d, &e);
     if (result == 0)
+        session_sweep(d->sessions);
+    if (result == 0)
         result = wire_up(d, &e);
     bench_init(&d->bench, &d->clock);
     if (result == 0)

@@ -1,5 +1,6 @@
 #include "proto/session_internal.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <libgen.h>
@@ -116,12 +117,23 @@ static int take_lock(struct session *s, struct err *e) {
     }
 }
 
-static void drop_lock(struct session *s) {
-    char name[PATH_MAX];
-    snprintf(name, sizeof name, "%s-lock", s->path);
+static void drop_lock_of(const char *path, int fd) {
+    char name[PATH_MAX + 8];
+    snprintf(name, sizeof name, "%s-lock", path);
     unlink(name);
-    close(s->lock_fd);
+    close(fd);
+}
+
+static void drop_lock(struct session *s) {
+    drop_lock_of(s->path, s->lock_fd);
     s->lock_fd = -1;
+}
+
+static void remove_part(const char *part) {
+    char journal[PATH_MAX + 16];
+    snprintf(journal, sizeof journal, "%s-journal", part);
+    unlink(journal);
+    unlink(part);
 }
 
 static int new_session(struct session **out, const char *path, bool read_only, struct err *e) {
@@ -138,11 +150,14 @@ static int new_session(struct session **out, const char *path, bool read_only, s
 
 static void free_session(struct session *s, bool locked) {
     store_close(s->store);
+    if (s->name && locked)
+        remove_part(s->path);
     if (locked)
         drop_lock(s);
     else if (s->lock_fd >= 0)
         close(s->lock_fd);
     free(s->path);
+    free(s->name);
     free(s);
 }
 
@@ -153,17 +168,11 @@ static int begin_writing(struct session *s, struct err *e) {
                       e);
 }
 
-static int make_file(const char *path, struct err *e) {
-    int fd = open(path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
-    if (fd < 0) {
-        int saved_errno = errno;
-        if (saved_errno == EEXIST)
-            return err_set(e, ERR_BUSY, "%s: exists already; a session is never overwritten", path);
-        return err_errno(e, saved_errno == EACCES ? ERR_PERMISSION : ERR_IO, saved_errno,
-                         "cannot create session %s", path);
-    }
-    close(fd);
-    return 0;
+/* Beside its place, hidden: no list of sessions shows it. */
+static int part_path(const char *path, char part[PATH_MAX], struct err *e) {
+    const char *slash = strrchr(path, '/'), *file = slash ? slash + 1 : path;
+    int n = snprintf(part, PATH_MAX, "%.*s.%s.part", (int)(file - path), path, file);
+    return n < PATH_MAX ? 0 : err_set(e, ERR_USAGE, "%s: the name is too long", path);
 }
 
 /* The name itself must survive a loss of power, not only what the file holds. */
@@ -177,32 +186,116 @@ static void sync_folder(const char *path) {
     }
 }
 
+/* File systems of memory sticks know no hard links, those of networks no such renaming. */
+int session_rename(const char *from, const char *to, struct err *e) {
+    if (renameat2(AT_FDCWD, from, AT_FDCWD, to, RENAME_NOREPLACE) == 0)
+        return 0;
+    int saved_errno = errno;
+    if (saved_errno == EINVAL || saved_errno == ENOSYS) {
+        if (link(from, to) == 0) {
+            unlink(from);
+            return 0;
+        }
+        saved_errno = errno;
+    }
+    if (saved_errno == EEXIST)
+        return err_set(e, ERR_BUSY, "%s: exists already; a session is never overwritten", to);
+    return err_errno(e, ERR_IO, saved_errno, "cannot name the session %s", to);
+}
+
+/* One journal beside it, no log: nobody reads it yet. The lock is taken; what a kill left under this name goes. */
+static int make_part(struct session *s, struct err *e) {
+    remove_part(s->path);
+    int fd = open(s->path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    int saved_errno = errno;
+    if (fd < 0)
+        return err_errno(e, saved_errno == EACCES ? ERR_PERMISSION : ERR_IO, saved_errno,
+                         "cannot create session %s", s->name);
+    close(fd);
+    int rc = store_open(&s->store, s->path, false, e);
+    if (rc == 0)
+        rc = store_exec(s->store, "PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON", e);
+    return rc == 0 ? session_make_schema(s->store, e) : rc;
+}
+
 int session_create(struct session **out, const char *path, struct err *e) {
     struct session *s = NULL;
-    int rc = check_filesystem(path, e);
+    char part[PATH_MAX];
+    int rc = access(path, F_OK) == 0
+                 ? err_set(e, ERR_BUSY, "%s: exists already; a session is never overwritten", path)
+                 : check_filesystem(path, e);
     if (rc == 0)
-        rc = make_file(path, e);
+        rc = part_path(path, part, e);
     if (rc == 0)
-        rc = new_session(&s, path, false, e);
+        rc = new_session(&s, part, false, e);
     if (rc < 0)
         return rc;
-    rc = take_lock(s, e);
+    s->name = strdup(path);
+    rc = s->name ? take_lock(s, e) : err_set(e, ERR_NOMEM, "%s: out of memory", path);
     bool locked = rc == 0;
     if (rc == 0)
-        rc = store_open(&s->store, path, false, e);
-    if (rc == 0)
-        rc = begin_writing(s, e);
-    if (rc == 0)
-        rc = session_make_schema(s->store, e);
+        rc = make_part(s, e);
     if (rc < 0) {
         free_session(s, locked);
-        unlink(path);
         return rc;
     }
-    sync_folder(path);
     s->user_version = SESSION_USER_VERSION;
     *out = s;
     return 0;
+}
+
+static int open_named(struct session *s, struct err *e) {
+    struct store *store = NULL;
+    int rc = store_open(&store, s->path, false, e);
+    if (rc < 0)
+        return rc;
+    store_close(s->store);
+    s->store = store;
+    return begin_writing(s, e);
+}
+
+/* What was committed under the hidden name becomes a session. */
+static int take_name(struct session *s, struct err *e) {
+    char *part = s->path;
+    int part_fd = s->lock_fd;
+    s->path = s->name;
+    int rc = take_lock(s, e);
+    if (rc == 0) {
+        rc = session_rename(part, s->name, e);
+        if (rc < 0)
+            drop_lock(s);
+    }
+    if (rc < 0) {
+        s->path = part;
+        s->lock_fd = part_fd;
+        return rc;
+    }
+    s->name = NULL;
+    drop_lock_of(part, part_fd);
+    free(part);
+    sync_folder(s->path);
+    return open_named(s, e);
+}
+
+void session_sweep(const char *folder) {
+    DIR *dir = opendir(folder);
+    static const char end[] = ".gonio.part";
+    for (const struct dirent *d; dir && (d = readdir(dir));) {
+        char path[PATH_MAX];
+        size_t n = strlen(d->d_name);
+        if (d->d_name[0] != '.' || n < sizeof end || strcmp(d->d_name + n - (sizeof end - 1), end) != 0)
+            continue;
+        snprintf(path, sizeof path, "%s/%s", folder, d->d_name);
+        struct session s = {.path = path, .lock_fd = -1};
+        if (take_lock(&s, NULL) == 0) {
+            remove_part(path);
+            drop_lock(&s);
+        } else if (s.lock_fd >= 0) {
+            close(s.lock_fd);
+        }
+    }
+    if (dir)
+        closedir(dir);
 }
 
 static int check_version(struct session *s, struct err *e) {
@@ -306,7 +399,8 @@ int session_close(struct session *s, struct err *e) {
     if (!s->read_only) {
         if (store_in_transaction(s->store))
             rc = session_commit(s, e);
-        store_settle(s->store);
+        if (!s->name)
+            store_settle(s->store);
     }
     free_session(s, !s->read_only);
     return rc;
@@ -327,7 +421,7 @@ int session_commit(struct session *s, struct err *e) {
     int rc = store_exec(s->store, "COMMIT", e);
     if (rc < 0)
         session_rollback(s);
-    return rc;
+    return rc == 0 && s->name ? take_name(s, e) : rc;
 }
 
 void session_rollback(struct session *s) {

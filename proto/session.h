@@ -5,6 +5,9 @@
  * derived again. Tables are insert-only; a final point supersedes its provisional one by its `supersedes`
  * column. WAL and synchronous=FULL while open; closing leaves one file. docs/session-format.md holds the schema.
  *
+ * Making     a new session lies in .NAME.part beside its place and gets its name with its first commit: what a kill, or a
+ *            full disk, leaves before that has no session's name, and session_sweep clears it away. Closed before its
+ *            first commit, it has never been.
  * Writing    one writer at a time, by a lock on PATH-lock that dies with its process. An add outside
  *            session_begin .. session_commit is a transaction of its own. An add that fails spoils its transaction:
  *            commit then rolls back. After -ERR_FULL the session may be used again once there is room.
@@ -126,6 +129,8 @@ struct session;
 /* Text facts, written once when the session is made: "job", "config", "sample", "certificate",
  * "profile/NAME", "goniod_version", "seed", "geometry_convention", ... */
 int session_create(struct session **s, const char *path, struct err *e); /* -ERR_BUSY if path exists */
+/* Removes what was being made in this folder by a process that is no more. */
+void session_sweep(const char *folder);
 int session_open(struct session **s, const char *path, bool read_only, struct err *e);
 int session_close(struct session *s, struct err *e); /* checkpoints and leaves one file */
 

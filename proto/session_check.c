@@ -7,20 +7,6 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Without replacing. File systems of memory sticks know no hard links, those of networks no such renaming. */
-static int give_name(const char *part, const char *to, struct err *e) {
-    if (renameat2(AT_FDCWD, part, AT_FDCWD, to, RENAME_NOREPLACE) == 0)
-        return 0;
-    int saved_errno = errno;
-    if (saved_errno == EINVAL || saved_errno == ENOSYS) {
-        if (link(part, to) == 0)
-            return 0;
-        saved_errno = errno;
-    }
-    return err_errno(e, saved_errno == EEXIST ? ERR_BUSY : ERR_IO, saved_errno, "cannot name the copy %s",
-                     to);
-}
-
 /* The copy appears under its name only when it is whole, and never replaces a file. */
 int session_copy(const char *from, const char *to, struct err *e) {
     char part[PATH_MAX];
@@ -35,7 +21,7 @@ int session_copy(const char *from, const char *to, struct err *e) {
     unlink(part);
     rc = store_backup(s->store, part, e);
     if (rc == 0)
-        rc = give_name(part, to, e);
+        rc = session_rename(part, to, e);
     unlink(part);
     session_close(s, NULL);
     return rc;

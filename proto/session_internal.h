@@ -20,6 +20,7 @@ struct kept_request { /* a Modbus request already stored: polls repeat the same 
 struct session {
     struct store *store;
     char *path;
+    char *name; /* what `path` is to be called from the first commit on; NULL: it has its name */
     bool read_only;
     bool spoilt; /* an add of the open transaction failed */
     int lock_fd;
@@ -35,6 +36,8 @@ bool session_has_table(struct session *s, const char *table); /* a file of an ol
 /* Every add is all or nothing: inside the caller's transaction, or in one of its own. */
 int session_enter(struct session *s, bool *own, struct err *e);
 int session_leave(struct session *s, bool own, int rc, struct err *e);
+/* Without replacing a file of that name. */
+int session_rename(const char *from, const char *to, struct err *e);
 /* Whether the file may be a session at all, from its first bytes and its size. */
 int session_check_header(const char *path, struct err *e);
 

@@ -130,6 +130,7 @@ static void every_committed_row_survives_the_kill(void **state) {
     struct err e = {0};
     row_make_folder(folder, path);
     assert_int_equal(session_create(&s, path, &e), 0);
+    assert_int_equal(session_set_text(s, "seed", "1", &e), 0);
     assert_int_equal(session_close(s, &e), 0);
     int written = 0;
     for (int k = 0; k < KILLS; k++) {
