@@ -179,7 +179,7 @@ static json_t *result_to_json(const struct result *r, bool paper) {
             trace, json_pack("{s:f,s:f}", "t_us", r->trace.step[i].t_us, "cost", r->trace.step[i].cost));
     }
     json_object_set_new(json, "trace", trace);
-    json_object_set_new(json, "solver", json_string(solve_name()));
+    json_object_set_new(json, "solver", json_string(solve_name(SOLVE_TINY)));
     json_object_set_new(json, "file", json_string(r->file));
     json_object_set_new(json, "input", input_to_json(r));
     if (paper) {

@@ -191,8 +191,13 @@ void problem_free(struct problem *p) {
     *p = (struct problem){0};
 }
 
+int problem_rows(const struct problem *p, const double *value, size_t first, size_t n, double *beta,
+                 double *gradient, struct err *e) {
+    return aperture_eval(&p->aperture, first, n, p->model, value, &p->optics, beta, gradient, e);
+}
+
 int problem_evaluate(struct problem *p, const double *value, struct err *e) {
-    return aperture_eval(&p->aperture, 0, p->n, p->model, value, &p->optics, p->model_beta, p->gradient, e);
+    return problem_rows(p, value, 0, p->n, p->model_beta, p->gradient, e);
 }
 
 double problem_chi2(const struct problem *p) {

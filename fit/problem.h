@@ -36,6 +36,9 @@ struct problem {
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e);
 void problem_free(struct problem *p);
+/* Model and gradient (n * k, or NULL) of the points first .. first + n - 1: the one place that asks the model. */
+int problem_rows(const struct problem *p, const double *value, size_t first, size_t n, double *beta,
+                 double *gradient, struct err *e);
 /* Model and gradient at value into model_beta and gradient. */
 int problem_evaluate(struct problem *p, const double *value, struct err *e);
 /* Weights anew from the model of the last problem_evaluate. */

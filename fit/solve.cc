@@ -4,167 +4,119 @@
 #include <cmath>
 #include <exception>
 #include <new>
-#include <vector>
 
-#include <ceres/ceres.h>
-#include <glog/logging.h>
+#include <ceres/version.h>
+
+#include "fit/solve_bounded.h"
+#include "fit/solve_tiny.h"
+#include "fit/normal_equations.h"
 
 namespace {
 
-/* All weighted residuals of a problem; one block of size 1 for each coordinate, so that any can be held. */
-class Residuals : public ceres::CostFunction {
-  public:
-    explicit Residuals(const struct problem *p) : p_(p), beta_(p->n), gradient_(p->n * p->k) {
-        set_num_residuals(static_cast<int>(p->n));
-        mutable_parameter_block_sizes()->assign(p->k, 1);
+int take_start(const struct problem *p, const double *start, const bool *held, struct solve_result *result,
+               struct err *e) {
+    double x[COORDINATES_MAX];
+    std::copy(start, start + p->k, x); /* start may be result->x */
+    *result = {};
+    for (int j = 0; j < p->k; j++) {
+        if (!std::isfinite(x[j])) {
+            return err_set(e, ERR_FIT,
+                           "the start of the fit is not a number; the points do not resemble a surface");
+        }
+        const bool fixed = held && held[j];
+        result->x[j] = fixed ? x[j] : std::min(std::max(x[j], p->low[j]), p->high[j]);
     }
-
-    bool Evaluate(double const *const *x, double *residuals, double **jacobians) const override {
-        double point[COORDINATES_MAX], value[MATERIAL_PARAMETERS], chain[COORDINATES_MAX * COORDINATES_MAX];
-        for (int j = 0; j < p_->k; j++) {
-            point[j] = *x[j];
-        }
-        coordinates_to_value(p_->model, point, value);
-        if (aperture_eval(&p_->aperture, 0, p_->n, p_->model, value, &p_->optics, beta_.data(),
-                          jacobians ? gradient_.data() : nullptr, nullptr)) {
-            return false;
-        }
-        for (size_t i = 0; i < p_->n; i++) {
-            residuals[i] = (beta_[i] - p_->input->beta[i]) * p_->root_weight[i];
-        }
-        if (jacobians) {
-            coordinates_chain(p_->model, value, chain);
-            fill(jacobians, chain);
-        }
-        return true;
-    }
-
-  private:
-    void fill(double **jacobians, const double *chain) const {
-        const int k = p_->k;
-        for (int j = 0; j < k; j++) {
-            if (!jacobians[j]) {
-                continue;
-            }
-            for (size_t i = 0; i < p_->n; i++) {
-                double sum = 0;
-                for (int m = 0; m < k; m++) {
-                    sum += gradient_[i * k + m] * chain[m * k + j];
-                }
-                jacobians[j][i] = sum * p_->root_weight[i];
-            }
-        }
-    }
-
-    const struct problem *p_;
-    mutable std::vector<double> beta_, gradient_;
-};
-
-void add_trace(struct estimate_trace *trace, const ceres::Solver::Summary &summary) {
-    double before_us = trace->n ? trace->step[trace->n - 1].t_us : 0;
-    for (const auto &it : summary.iterations) {
-        if (trace->n < ESTIMATE_TRACE_MAX) {
-            trace->step[trace->n++] = {before_us + 1e6 * it.cumulative_time_in_seconds, it.cost};
-        }
-    }
+    return p->n ? 0 : err_set(e, ERR_FIT, "nothing to fit: there are no points");
 }
 
-ceres::Solver::Options make_options() {
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::DENSE_QR;
-    options.logging_type = ceres::SILENT;
-    options.num_threads = 1;
-    options.max_num_iterations = 200;
-    /* Ends on the flat bottom of the cost: a step of 1e-10 is 1e-6 of the smallest stated u. */
-    options.function_tolerance = 1e-14;
-    options.gradient_tolerance = 1e-12;
-    options.parameter_tolerance = 1e-10;
-    return options;
-}
-
-void minimise(const struct problem *p, const bool *held, struct solve_result *result,
-              struct estimate_trace *trace, std::string *failure) {
-    ceres::Problem::Options ownership;
-    ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    ownership.disable_all_safety_checks = true;
-    ceres::Problem problem(ownership);
-    Residuals residuals(p);
-    std::vector<double *> blocks;
-    for (int j = 0; j < p->k; j++) {
-        blocks.push_back(&result->x[j]);
-    }
-    problem.AddResidualBlock(&residuals, nullptr, blocks);
-    for (int j = 0; j < p->k; j++) {
-        if (held && held[j]) {
-            problem.SetParameterBlockConstant(blocks[j]);
-            continue;
-        }
-        result->x[j] = std::min(std::max(result->x[j], p->low[j]), p->high[j]);
-        problem.SetParameterLowerBound(blocks[j], 0, p->low[j]);
-        problem.SetParameterUpperBound(blocks[j], 0, p->high[j]);
-    }
-    ceres::Solver::Summary summary;
-    ceres::Solve(make_options(), &problem, &summary);
-    result->chi2 = 2 * summary.final_cost;
-    result->converged = summary.termination_type == ceres::CONVERGENCE;
-    result->iterations = static_cast<int>(summary.iterations.size());
-    if (summary.termination_type == ceres::FAILURE) {
-        *failure = summary.message;
-    }
-    if (trace) {
-        add_trace(trace, summary);
-    }
+bool all_of(const struct problem *p, const bool *held) {
+    return std::all_of(held, held + p->k, [](bool h) { return h; });
 }
 
 /* Nothing to search for: the cost where it is held. */
 void evaluate_held(const struct problem *p, struct solve_result *result) {
-    std::vector<double> residuals(p->n);
-    std::vector<const double *> blocks;
-    for (int j = 0; j < p->k; j++) {
-        blocks.push_back(&result->x[j]);
-    }
-    result->chi2 = NAN;
-    if (Residuals(p).Evaluate(blocks.data(), residuals.data(), nullptr)) {
-        result->chi2 = 0;
-        for (double r : residuals) {
-            result->chi2 += r * r;
-        }
-    }
+    struct normal_equations s;
+    result->chi2 = normal_equations_form(p, result->x, &s, nullptr) ? NAN : s.chi2;
     result->converged = true;
 }
 
-bool all_held(const struct problem *p, const bool *held) {
-    return held && std::all_of(held, held + p->k, [](bool h) { return h; });
+/* Those held, and those that stand on a bound; false where none of these does. */
+bool find_active(const struct problem *p, const bool *held, const double *x, bool *active) {
+    bool any = false;
+    for (int j = 0; j < p->k; j++) {
+        const bool fixed = held && held[j], on = x[j] <= p->low[j] || x[j] >= p->high[j];
+        active[j] = fixed || on;
+        any = any || (on && !fixed);
+    }
+    return any;
+}
+
+/* Whether the cost would rise from each of the bounds inwards. */
+bool bounds_hold(const struct problem *p, const bool *held, const double *x) {
+    struct normal_equations s;
+    if (normal_equations_form(p, x, &s, nullptr)) {
+        return false;
+    }
+    for (int j = 0; j < p->k; j++) {
+        const bool fixed = held && held[j];
+        if (!fixed && ((x[j] <= p->low[j] && s.jtr[j] < 0) || (x[j] >= p->high[j] && s.jtr[j] > 0))) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/* With a coordinate on its bound Solver creeps, and may stop 0.1 of chi-square short: its steps are those of the
+ * free problem, cut off. So the others are settled by themselves, and the bound is let go where the cost wants it. */
+int solve_inside(const struct problem *p, const bool *held, bool normal_equations,
+                 struct solve_result *result, struct estimate_trace *trace, struct err *e) {
+    bool active[COORDINATES_MAX];
+    for (int round = 0; round <= p->k; round++) {
+        int status = solve_bounded(p, held, normal_equations, result, trace, e);
+        if (status || !find_active(p, held, result->x, active) || all_of(p, active)) {
+            return status;
+        }
+        struct solve_result rest = *result;
+        const char *why = solve_tiny(p, active, &rest, trace);
+        if (!(rest.chi2 <= result->chi2)) {
+            return 0;
+        }
+        rest.handed_over = result->handed_over;
+        rest.converged = rest.converged || result->converged;
+        *result = rest;
+        if (!why && bounds_hold(p, held, result->x)) {
+            return 0;
+        }
+    }
+    return 0;
+}
+
+int minimise(enum solve_method method, const struct problem *p, const bool *held, struct solve_result *result,
+             struct estimate_trace *trace, struct err *e) {
+    if (held && all_of(p, held)) {
+        evaluate_held(p, result);
+        return 0;
+    }
+    if (method == SOLVE_TINY) {
+        result->handed_over = solve_tiny(p, held, result, trace);
+        if (!result->handed_over) {
+            return 0;
+        }
+    }
+    return solve_inside(p, held, method == SOLVE_CHOLESKY, result, trace, e);
 }
 
 } // namespace
 
-int solve_run(const struct problem *p, const double *start, const bool *held, struct solve_result *result,
-              struct estimate_trace *trace, struct err *e) {
+int solve_by(enum solve_method method, const struct problem *p, const double *start, const bool *held,
+             struct solve_result *result, struct estimate_trace *trace, struct err *e) {
     try {
-        FLAGS_minloglevel = google::GLOG_FATAL;
-        *result = {};
-        for (int j = 0; j < p->k; j++) {
-            if (!std::isfinite(start[j])) {
-                return err_set(e, ERR_FIT,
-                               "the start of the fit is not a number; the points do not resemble a surface");
-            }
-            result->x[j] = start[j];
+        int status = take_start(p, start, held, result, e);
+        if (status || (status = minimise(method, p, held, result, trace, e))) {
+            return status;
         }
-        if (p->n == 0) {
-            return err_set(e, ERR_FIT, "nothing to fit: there are no points");
-        }
-        std::string failure;
-        if (all_held(p, held)) {
-            evaluate_held(p, result);
-        } else {
-            minimise(p, held, result, trace, &failure);
-        }
-        if (!failure.empty() || !std::isfinite(result->chi2)) {
-            return err_set(e, ERR_FIT, "the solver failed: %s",
-                           failure.empty() ? "its cost is no number" : failure.c_str());
-        }
-        return 0;
+        return std::isfinite(result->chi2) ? 0
+                                           : err_set(e, ERR_FIT, "the solver failed: its cost is no number");
     } catch (const std::bad_alloc &) {
         return err_set(e, ERR_NOMEM, "no memory for a fit of %zu points", p->n);
     } catch (const std::exception &x) {
@@ -172,6 +124,15 @@ int solve_run(const struct problem *p, const double *start, const bool *held, st
     }
 }
 
-const char *solve_name(void) {
-    return "Ceres " CERES_VERSION_STRING " Solver, Levenberg-Marquardt, dense QR";
+int solve_run(const struct problem *p, const double *start, const bool *held, struct solve_result *result,
+              struct estimate_trace *trace, struct err *e) {
+    return solve_by(SOLVE_TINY, p, start, held, result, trace, e);
+}
+
+const char *solve_name(enum solve_method method) {
+    static const char *const name[] = {
+        "Ceres " CERES_VERSION_STRING " TinySolver; Solver with dense QR where a step meets a bound",
+        "Ceres " CERES_VERSION_STRING " Solver, Levenberg-Marquardt, dense QR",
+        "Ceres " CERES_VERSION_STRING " Solver, Levenberg-Marquardt, normal equations"};
+    return name[method];
 }

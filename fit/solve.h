@@ -1,11 +1,14 @@
 /*
- * solve.h — one minimisation: the bounded least-squares solver behind a C face.
+ * solve.h — one minimisation: the least-squares solvers behind a C face.
  *
- * Minimises sum of ((model - beta) root_weight)^2 over x (coordinates.h) inside the bounds, from a start,
- * with any of the coordinates held. The only file that knows Ceres; its logging is silenced and its inputs
- * are checked before it sees them, since some bad input makes it end the process.
- * Errors     -ERR_FIT the solver failed (its own words); -ERR_NOMEM.
- * Checked    tests/unit/test_estimate.c, tests/unit/test_estimate_input.c
+ * Minimises sum of ((model - beta) root_weight)^2 over x (coordinates.h) inside the bounds, from a start, with any of
+ * the coordinates held. By default with Ceres' TinySolver on the normal equations of one pass (fit/normal_equations.h); where a
+ * step meets a bound, where the scaled Jacobian's condition passes 1e6 (the normal equations then lose the digits that
+ * decide) or where it does not settle, Ceres' Solver with bounds and dense QR goes on from there.
+ * Promises   nothing is allocated unless Solver is called; the same inputs give the same bits.
+ * Errors     -ERR_FIT the solver failed (its own words); -ERR_NOMEM. Bad input never reaches Ceres, which may end the
+ *            process on it.
+ * Checked    tests/unit/test_solve.c, tests/unit/test_estimate.c, tests/unit/test_estimate_input.c
  */
 #ifndef FIT_SOLVE_H
 #define FIT_SOLVE_H
@@ -16,18 +19,27 @@
 extern "C" {
 #endif
 
+enum solve_method {
+    SOLVE_TINY,    /* TinySolver, handing over: the default */
+    SOLVE_QR,      /* Solver, dense QR */
+    SOLVE_CHOLESKY /* Solver, dense normal equations by Cholesky */
+};
+
 struct solve_result {
     double x[COORDINATES_MAX];
     double chi2;
     bool converged;
     int iterations;
+    const char *handed_over; /* why TinySolver left the end to Solver; NULL: it did not */
 };
 
 /* held[k] may be NULL. trace may be NULL; steps are appended. */
 int solve_run(const struct problem *p, const double *start, const bool *held, struct solve_result *result,
               struct estimate_trace *trace, struct err *e);
+int solve_by(enum solve_method method, const struct problem *p, const double *start, const bool *held,
+             struct solve_result *result, struct estimate_trace *trace, struct err *e);
 
-const char *solve_name(void); /* the solver and its version */
+const char *solve_name(enum solve_method method); /* with the version of Ceres */
 
 #ifdef __cplusplus
 }

@@ -2,7 +2,7 @@
 
 #include <stdio.h>
 
-#include "fit/render/stopwatch.h"
+#include "fit/stopwatch.h"
 
 #define CELLS 40
 #define REDRAW_S 0.1

@@ -4,7 +4,7 @@
 #include <unistd.h>
 
 #include "fit/render/encode.h"
-#include "fit/render/stopwatch.h"
+#include "fit/stopwatch.h"
 #include "fit/render/trace.h"
 
 static bool kept(const struct features *f, enum feature feature) {

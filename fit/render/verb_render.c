@@ -9,7 +9,7 @@
 
 #include "fit/render/image.h"
 #include "fit/render/origin.h"
-#include "fit/render/stopwatch.h"
+#include "fit/stopwatch.h"
 #include "proto/number.h"
 
 static const char help[] =

@@ -1,4 +1,4 @@
-#include "fit/render/stopwatch.h"
+#include "fit/stopwatch.h"
 
 #include <time.h>
 

@@ -1,9 +1,17 @@
 /*
  * stopwatch.h — how long a part of the work took, for reports and the progress bar; nothing is decided by it.
  */
-#ifndef FIT_RENDER_STOPWATCH_H
-#define FIT_RENDER_STOPWATCH_H
+#ifndef FIT_STOPWATCH_H
+#define FIT_STOPWATCH_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 double stopwatch_s(void); /* CLOCK_MONOTONIC */
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

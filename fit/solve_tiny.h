@@ -1,0 +1,28 @@
+/*
+ * solve_tiny.h — Ceres' TinySolver on the normal equations of one pass.
+ *
+ * TinySolver forms J^T J and J^T r of whatever it is given. It is given the smallest problem that has those of the
+ * points: J = R, the Cholesky factor of a pass's J^T J, and r = R^-T J^T r with one more residual for the rest of
+ * the cost. So its dense algebra is of k + 1 rows, and the pass is the only cost over the points; at a step that is
+ * taken the pass of its trial serves again.
+ * It ends before its last step is taken, once that step is small; the step is taken here, at no further pass.
+ * Promises   no allocation. result->x is start and end, inside the bounds.
+ * Returns    NULL settled; else why another solver should go on from result->x, in words.
+ */
+#ifndef FIT_SOLVE_TINY_H
+#define FIT_SOLVE_TINY_H
+
+#include "fit/solve.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+const char *solve_tiny(const struct problem *p, const bool *held, struct solve_result *result,
+                       struct estimate_trace *trace);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
