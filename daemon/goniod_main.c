@@ -23,8 +23,8 @@
 #define DIR_MODE 0750
 
 struct options {
-    const char *config, *socket, *sessions;
-    bool simulate, check_config;
+    const char *config, *bench, *socket, *sessions;
+    bool simulate, seeded, check_config;
     uint64_t seed;
 };
 
@@ -36,6 +36,7 @@ struct daemon {
     int lock_fd;
     struct clock clock;
     struct bench bench;
+    struct simulate_bench *truth;
     struct simulate *simulate;
     struct wiring wiring;
     struct desk *desk;
@@ -44,12 +45,13 @@ struct daemon {
 };
 
 static const char usage[] =
-    "usage: goniod [--config FILE] [--simulate [--seed N]] [--socket PATH] [--sessions DIR] "
-    "[--check-config]\n"
+    "usage: goniod [--config FILE] [--simulate [--seed N] [--bench FILE]] [--socket PATH] [--sessions DIR]\n"
+    "              [--check-config]\n"
     "Runs a goniospectrometer unattended, and serves gonioctl, until SIGTERM.\n"
     "  --config FILE    the instruments of the bench (default " CONFIG_DEFAULT ")\n"
     "  --simulate       a simulated bench in virtual time; without --config a built-in one\n"
     "  --seed N         of the simulated bench's draws and noise (default 1)\n"
+    "  --bench FILE     what stands on the simulated bench and what is wrong with it, as goniosim takes it\n"
     "  --socket PATH    default: GONIOD_SOCKET, /run/goniod/goniod.sock, or $XDG_RUNTIME_DIR/goniod.sock\n"
     "  --sessions DIR   default: GONIOD_SESSIONS, /var/lib/goniod/sessions, or $XDG_DATA_HOME/goniod\n"
     "  --check-config   reads the config, says what is wrong with it, and ends\n"
@@ -65,17 +67,13 @@ static int bad_usage(const char *what) {
 
 /* -1 to go on, else the exit status. */
 static int read_options(int argc, char **argv, struct options *o) {
-    static const struct option table[] = {{"config", required_argument, NULL, 'c'},
-                                          {"simulate", no_argument, NULL, 's'},
-                                          {"seed", required_argument, NULL, 'n'},
-                                          {"socket", required_argument, NULL, 'k'},
-                                          {"sessions", required_argument, NULL, 'd'},
-                                          {"check-config", no_argument, NULL, 'x'},
-                                          {"help", no_argument, NULL, 'h'},
-                                          {"version", no_argument, NULL, 'v'},
-                                          {NULL, 0, NULL, 0}};
+    static const struct option table[] = {
+        {"config", required_argument, NULL, 'c'}, {"simulate", no_argument, NULL, 's'},
+        {"seed", required_argument, NULL, 'n'},   {"bench", required_argument, NULL, 'b'},
+        {"socket", required_argument, NULL, 'k'}, {"sessions", required_argument, NULL, 'd'},
+        {"check-config", no_argument, NULL, 'x'}, {"help", no_argument, NULL, 'h'},
+        {"version", no_argument, NULL, 'v'},      {NULL, 0, NULL, 0}};
     char *end = "";
-    bool seeded = false;
     for (int c; (c = getopt_long(argc, argv, "", table, NULL)) != -1;) {
         switch (c) {
         case 'c':
@@ -85,10 +83,13 @@ static int read_options(int argc, char **argv, struct options *o) {
             o->simulate = true;
             break;
         case 'n':
-            seeded = true;
+            o->seeded = true;
             o->seed = strtoull(optarg, &end, 10);
             if (*end || !isdigit((unsigned char)*optarg))
                 return bad_usage("--seed takes a whole number from 0 on");
+            break;
+        case 'b':
+            o->bench = optarg;
             break;
         case 'k':
             o->socket = optarg;
@@ -112,7 +113,9 @@ static int read_options(int argc, char **argv, struct options *o) {
     }
     if (optind < argc)
         return bad_usage("goniod takes options only");
-    return seeded && !o->simulate ? bad_usage("--seed belongs to --simulate") : -1;
+    if (o->bench && !o->simulate)
+        return bad_usage("--bench belongs to --simulate");
+    return o->seeded && !o->simulate ? bad_usage("--seed belongs to --simulate") : -1;
 }
 
 static int complain(const struct err *e) {
@@ -150,6 +153,18 @@ static int read_config(struct daemon *d) {
     int status = config_read_text(file, d->config_text, size, &d->config, &errors) < 0 ? 2 : 0;
     complain_all(&errors);
     err_list_free(&errors);
+    return status;
+}
+
+static int read_bench(struct daemon *d) {
+    struct err_list errors = {0};
+    if (!d->options.bench)
+        return 0;
+    int status = simulate_bench_read(&d->truth, d->options.bench, &errors) < 0 ? 2 : 0;
+    complain_all(&errors);
+    err_list_free(&errors);
+    if (status == 0 && !d->options.seeded)
+        d->options.seed = simulate_bench_seed(d->truth);
     return status;
 }
 
@@ -230,7 +245,7 @@ static int lock_sessions(struct daemon *d, struct err *e) {
 /* ---- parts ---- */
 
 static int wire_up(struct daemon *d, struct err *e) {
-    const struct simulate_options truth = {.seed = d->options.seed};
+    const struct simulate_options truth = {.seed = d->options.seed, .file = d->truth};
     if (!d->options.simulate) {
         clock_init_real(&d->clock);
         wiring_real(&d->wiring, &d->clock);
@@ -284,6 +299,7 @@ static void stop(struct daemon *d) {
     campaign_free(d->campaign);
     desk_free(d->desk);
     simulate_free(d->simulate);
+    simulate_bench_free(d->truth);
     if (d->lock_fd >= 0)
         close(d->lock_fd);
     free(d->config_text);
@@ -320,6 +336,8 @@ int main(int argc, char **argv) {
     if (status >= 0)
         return status;
     status = read_config(&d);
+    if (status == 0)
+        status = read_bench(&d);
     if (status == 0 && d.options.check_config)
         status = check_config(&d);
     else if (status == 0)

@@ -6,6 +6,7 @@
 
 #include "proto/session.h"
 #include "proto/units.h"
+#include "sim/goniosim_config.h"
 #include "sim/sim.h"
 
 struct visit { /* a state of the bench and how often a resumed session has been in it */
@@ -21,8 +22,13 @@ struct instead { /* what stands for a sample instead of its paint */
     const struct measured *measured; /* NULL: the modelled surface */
 };
 
+struct simulate_bench {
+    struct goniosim_config file;
+};
+
 struct simulate {
     struct sim_bench *bench;
+    const struct simulate_bench *file; /* may be NULL */
     const struct config *config;
     char position[JOB_SAMPLES][32]; /* where something is mounted, and what */
     char mounted[JOB_SAMPLES][48];
@@ -33,30 +39,68 @@ struct simulate {
     int n_visits;
 };
 
+/* ---- the bench file ---- */
+
+int simulate_bench_read(struct simulate_bench **bench, const char *path, struct err_list *errors) {
+    struct simulate_bench *b = calloc(1, sizeof *b);
+    int result = b ? goniosim_config_read(path, &b->file, errors) : -ERR_NOMEM;
+    if (result < 0) {
+        simulate_bench_free(b);
+        return result;
+    }
+    *bench = b;
+    return 0;
+}
+
+void simulate_bench_free(struct simulate_bench *b) {
+    if (b)
+        goniosim_config_free(&b->file);
+    free(b);
+}
+
+uint64_t simulate_bench_seed(const struct simulate_bench *b) {
+    return b->file.bench.seed;
+}
+
+/* What the file says of the surface at a place; NULL: nothing. */
+static const struct sim_surface *surface_at(const struct simulate_bench *b, const char *position) {
+    for (int i = 0; b && i < b->file.n_places; i++)
+        if (b->file.place[i].has_surface && !strcmp(b->file.place[i].name, position))
+            return &b->file.place[i].surface;
+    return NULL;
+}
+
 /* ---- the bench of a config ---- */
 
-static void set_axis(struct sim_axis_config *to, const struct config_axis *from) {
+/* The uncertainties are true where a bench file says so, else what the config states. */
+static void set_axis(struct sim_axis_config *to, const struct config_axis *from, bool from_file) {
     to->unit = from->unit;
     to->direction = from->direction;
     to->zero_deg = from->zero_deg;
-    if (from->u_zero_deg > 0)
+    if (from->u_zero_deg > 0 && !from_file)
         to->u_zero_deg = from->u_zero_deg;
-    if (from->u_repeat_deg > 0)
+    if (from->u_repeat_deg > 0 && !from_file)
         to->u_repeat_deg = from->u_repeat_deg;
 }
 
-static void set_axes(struct sim_config *s, const struct config *config) {
-    struct sim_axis_config known[SIM_AXES];
-    int n_known = s->n_axes;
-    memcpy(known, s->axis, sizeof known);
+static const struct sim_axis_config *find_axis(const struct sim_config *s, const char *role) {
+    for (int k = 0; k < s->n_axes; k++)
+        if (!strcmp(s->axis[k].role, role))
+            return &s->axis[k];
+    return NULL;
+}
+
+static void set_axes(struct sim_config *s, const struct config *config, bool from_file) {
+    struct sim_config known = *s, built_in;
+    sim_config_default(&built_in);
     s->n_axes = 0;
     for (int a = 0; a < STAGE_AXES; a++) {
         const struct config_axis *from = instruments_axis(config, a);
-        for (int k = 0; k < n_known && from->kind == CONFIG_AXIS_MOTOR; k++)
-            if (!strcmp(known[k].role, stage_axis_name(a))) {
-                s->axis[s->n_axes] = known[k];
-                set_axis(&s->axis[s->n_axes++], from);
-            }
+        const struct sim_axis_config *axis = find_axis(&known, stage_axis_name(a));
+        if (from->kind != CONFIG_AXIS_MOTOR)
+            continue;
+        s->axis[s->n_axes] = axis ? *axis : *find_axis(&built_in, stage_axis_name(a));
+        set_axis(&s->axis[s->n_axes++], from, axis && from_file);
     }
 }
 
@@ -80,9 +124,11 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
                  const struct config *config, struct clock *clock, struct err *e) {
     struct sim_config s;
     sim_config_default(&s);
+    if (options->file)
+        s = options->file->file.bench;
     s.seed = options->seed;
-    s.quiet = options->quiet;
-    s.bend = options->bend;
+    s.quiet |= options->quiet;
+    s.bend += options->bend;
     if (options->no_drift)
         s.lamp_drift_rate = 0;
     snprintf(s.spectrometer, sizeof s.spectrometer, "%s", config->spectrometer.model);
@@ -91,7 +137,7 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     s.view_mm = config->optics.view_mm;
     s.lamp_warm_up_min = config->lamp_warm_up_min;
     s.shutter_by_hand = config->shutter != SHUTTER_LAMP_LINE;
-    set_axes(&s, config);
+    set_axes(&s, config, options->file != NULL);
     set_positions(&s, &config->holder);
     if (options->nominal)
         take_as_stated(&s);
@@ -99,6 +145,7 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     if (!new)
         return err_set(e, ERR_NOMEM, "no memory for the simulated bench");
     new->config = config;
+    new->file = options->file;
     int result = sim_bench_new(&new->bench, &s, clock, e);
     if (result < 0) {
         free(new);
@@ -193,6 +240,11 @@ static int surface_of(const struct simulate *s, const struct job_sample *sample,
                       struct err *e) {
     const struct instead *instead = instead_of(s, sample->name);
     int water = sample->has_water ? (int)lround(sample->water_percent) : 0;
+    const struct sim_surface *there = surface_at(s->file, sample->holder);
+    if (!instead && there) {
+        *surface = *there;
+        return 0;
+    }
     if (!instead)
         return sim_paint_find(sample->paint, sample->support, water, surface, e);
     if (instead->measured) {

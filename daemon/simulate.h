@@ -3,12 +3,15 @@
  *
  * The only file of the daemon that includes sim/. The bench takes its axes, optics and spectrometer from the config
  * (links sim:modbus and sim:usb), the truth of a sample from the job: its paint, support and water_percent, or what
- * simulate_mount_instead and _measured say. Mounting is done as the job says, at once: the simulated person does what
+ * a bench file, simulate_mount_instead or _measured say. Mounting is done as the job says, at once: the simulated person does what
  * the hold asked for.
  *
+ * Bench file goniosim.yaml, by goniosim's own reader: what stands at the sample's place of the holder (paint, parameters
+ *            with a spectrum, measured surface) and what is wrong with the bench. What goniod.yaml states too (model,
+ *            spots, warm-up, axes with their zeros, places) is taken from there.
  * Seed       draws of the bench; a resumed session sets the visit counts, so that noise goes on where it stood.
  * Errors     -ERR_INPUT names the nearest known paint; -ERR_INPUT a config the simulated bench cannot be.
- * Checked    tests/scenario/test_campaign.c, tests/scenario/test_measured_surface.c,
+ * Checked    tests/scenario/test_campaign.c, test_simulate_bench.c, test_measured_surface.c,
  *            tests/replay/test_replay_physics.c
  */
 #ifndef DAEMON_SIMULATE_H
@@ -24,7 +27,14 @@
 struct simulate;
 struct measured; /* sim/measured.h */
 
+struct simulate_bench; /* a bench file */
+
+int simulate_bench_read(struct simulate_bench **bench, const char *path, struct err_list *errors);
+void simulate_bench_free(struct simulate_bench *bench);
+uint64_t simulate_bench_seed(const struct simulate_bench *bench);
+
 struct simulate_options {
+    const struct simulate_bench *file; /* outlives the bench; NULL: the built-in one */
     uint64_t seed;
     bool quiet; /* no noise, no drift, no draws: for exact tests */
     bool no_drift;
