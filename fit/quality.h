@@ -22,8 +22,9 @@ double quality_chi2_limit(double mean, double variance);
 double quality_bic(double chi2, double n, double n_effective, int n_parameters, bool u_stated);
 double quality_r2(const struct problem *p); /* of the last evaluation, unweighted */
 int quality_median_error(const struct problem *p, double *error, struct err *e); /* measurement.md 10 */
-/* w = (4 beta' / pi) * integral of D cos(phi) over the hemisphere (measurement.md 10); physical up to 1. */
-double quality_specular_energy(double beta_prime, double gamma);
+/* w = (4 beta' / pi) * integral of D cos(phi) over the hemisphere, summed over lobes (measurement.md 10); physical up to
+ * 1, and 0 for a model without gloss. */
+double quality_specular_energy(enum reflectance_model model, const double *value);
 /* Smallest mirror angle (theta_i = theta_v) at which Oren and Nayar's direct term is negative; NaN: nowhere.
  */
 double quality_negative_from_deg(double sigma);

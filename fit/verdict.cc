@@ -139,10 +139,7 @@ int Verdict::fill_quality(struct err *e) {
     out_->bic = quality_bic(scaled, n, worth, k_, in_->u_ind != nullptr);
     out_->r2 = quality_r2(p_);
     out_->q = p_->optics.q;
-    if (has(MATERIAL_BETA_PRIME)) {
-        out_->specular_energy =
-            quality_specular_energy(fit_->value[MATERIAL_BETA_PRIME], fit_->value[MATERIAL_GAMMA]);
-    }
+    out_->specular_energy = quality_specular_energy(p_->model, fit_->value);
     return status ? status : quality_median_error(p_, &out_->median_relative_error, e);
 }
 

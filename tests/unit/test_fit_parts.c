@@ -105,16 +105,42 @@ static void drift_is_a_bridge(void **state) {
     assert_float_equal(drift_covariance(&b, 1, 2), 0, 1e-20);
 }
 
+/* By the midpoint rule with a million steps: nothing of the quadrature under test. */
+static double energy_by_steps(double tail, double gamma) {
+    double sum = 0, step = M_PI_2 / 1000000;
+    for (int i = 0; i < 1000000; i++) {
+        double phi = (i + 0.5) * step, x = phi * phi / (gamma * gamma);
+        sum += (tail > 0 ? pow(1 + (pow(2, tail) - 1) * x, -1 / tail) : exp2(-x)) * sin(2 * phi) * step;
+    }
+    return 4 * sum;
+}
+
+static void energy_of_tails_and_second_lobes(void **state) {
+    (void)state;
+    for (double gamma = 0.01; gamma <= 1; gamma *= 3) {
+        for (double tail = 0; tail <= 2; tail += 0.5) {
+            double heavy[MATERIAL_PARAMETERS] = {0.1, 0.3, gamma, 5, 1.5, tail},
+                   w = energy_by_steps(tail, gamma);
+            assert_float_equal(quality_specular_energy(REFLECTANCE_HEAVY_TAIL, heavy), 5 * w, 1e-6 * w);
+        }
+    }
+    double two[MATERIAL_PARAMETERS] = {0.1, 0.3, 0.05, 5, 1.5, 0.3, 2};
+    double w = 5 * energy_by_steps(0, 0.05) + 2 * energy_by_steps(0, 0.3);
+    assert_float_equal(quality_specular_energy(REFLECTANCE_TWO_LOBE, two), w, 1e-6 * w);
+}
+
 static void energy_and_limits_by_hand(void **state) {
     (void)state;
     /* reflection-model.md 1.3: w of the published sets (their small-angle form: within 5 %) */
     static const double small_angle[PUBLISHED_SETS] = {1.82, 3.62, 0.215, 0.059};
     for (int set = 0; set < PUBLISHED_SETS; set++) {
-        const double *v = published[set].value, w = small_angle[set];
-        assert_float_equal(quality_specular_energy(v[MATERIAL_BETA_PRIME], v[MATERIAL_GAMMA]), w, 0.05 * w);
+        double w = small_angle[set];
+        assert_float_equal(quality_specular_energy(REFLECTANCE_COMPOSITE, published[set].value), w, 0.05 * w);
     }
     /* beta' pi / 4 * (4 / pi) * 1 for a lobe that is 1 everywhere: 4 beta' / pi * pi = 4 beta' */
-    assert_float_equal(quality_specular_energy(0.25, 1e6), 1, 1e-9);
+    const double everywhere[MATERIAL_PARAMETERS] = {0, 1, 1e6, 0.25, 1.5};
+    assert_float_equal(quality_specular_energy(REFLECTANCE_COMPOSITE, everywhere), 1, 1e-9);
+    assert_true(quality_specular_energy(REFLECTANCE_OREN_NAYAR, everywhere) == 0);
     /* chi-square tables, 99.9 %: 10 degrees 29.588, 100 degrees 149.449 */
     assert_float_equal(quality_chi2_limit(10, 20), 29.588, 0.2);
     assert_float_equal(quality_chi2_limit(100, 200), 149.449, 0.1);
@@ -166,13 +192,10 @@ static void noise_is_carried_to_the_model(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(dice_are_uniform_and_normal),
-        cmocka_unit_test(coordinates_and_back),
-        cmocka_unit_test(chain_is_the_derivative),
-        cmocka_unit_test(the_narrower_lobe_is_the_first),
-        cmocka_unit_test(drift_is_a_bridge),
-        cmocka_unit_test(energy_and_limits_by_hand),
-        cmocka_unit_test(noise_is_carried_to_the_model),
+        cmocka_unit_test(dice_are_uniform_and_normal), cmocka_unit_test(coordinates_and_back),
+        cmocka_unit_test(chain_is_the_derivative),     cmocka_unit_test(the_narrower_lobe_is_the_first),
+        cmocka_unit_test(drift_is_a_bridge),           cmocka_unit_test(energy_of_tails_and_second_lobes),
+        cmocka_unit_test(energy_and_limits_by_hand),   cmocka_unit_test(noise_is_carried_to_the_model),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
