@@ -98,6 +98,8 @@ static char *point_json(const struct fit_points *f, const struct point *p) {
     put_bands(out, p->beta);
     fputs(",\"bands_u\":", out);
     put_bands(out, p->u_ind);
+    fputs(",\"bands_cov_next\":", out);
+    put_bands(out, p->cov_next);
     fputc('}', out);
     return fclose(out) == 0 ? text : (free(text), NULL);
 }
@@ -382,6 +384,19 @@ static void store_slopes(struct campaign *c, struct measured *m, const json_t *s
     writer_slopes(c->writer, m->file, f->asked, f->n_asked);
 }
 
+static void store_joint(struct campaign *c, const struct measured *m, const json_t *reply) {
+    struct joint joint;
+    struct err wrong = {0};
+    if (!reply)
+        return;
+    if (joint_from_json(reply, &joint, &wrong) < 0) {
+        campaign_warn(c, "no joint fit of %s: %s", m->name, wrong.text);
+        return;
+    }
+    writer_joint(c->writer, m->file, &joint);
+    joint_free(&joint);
+}
+
 static void answered(void *arg, const json_t *reply, const struct err *e) {
     struct campaign *c = arg;
     struct measured *m = &c->measured[c->fit_sample];
@@ -397,6 +412,7 @@ static void answered(void *arg, const json_t *reply, const struct err *e) {
         m->has_estimate = true;
         writer_estimate(c->writer, m->file, campaign_now_us(c), c->fit_last_point, &m->estimate);
         store_slopes(c, m, json_object_get(reply, "axis_slopes"));
+        store_joint(c, m, json_object_get(reply, "joint"));
         campaign_event(
             c, "estimate", true,
             json_pack("{s:s, s:o}", "session", m->name, "estimate", estimate_to_json(&m->estimate)));

@@ -12,7 +12,8 @@ struct shown {
     struct session_summary summary;
     json_t *sample; /* may be NULL */
     char state[32];
-    bool has_estimate;
+    bool has_estimate, has_joint;
+    struct joint joint;
     struct estimate estimate;
     int64_t saturated;
     bool has_linearity;
@@ -45,6 +46,8 @@ static int load(struct shown *w, struct err *e) {
         rc = session_last_estimate(w->s, &w->estimate, e);
         w->has_estimate = rc == 0;
     }
+    if (rc == 0)
+        w->has_joint = session_last_joint(w->s, &w->joint, NULL) == 0;
     return rc;
 }
 
@@ -112,6 +115,28 @@ static void print_estimate(const struct estimate *m) {
         printf("    note: %s\n", m->warning[i]);
 }
 
+static void print_joint(const struct joint *j) {
+    double worst = 0;
+    if (!j->converged) {
+        printf("  joint fit  none: %s\n", j->refusal);
+        return;
+    }
+    printf("  joint fit  %d bands at %d points%s\n", j->n_bands, j->n_points,
+           j->misfit ? "; the model does not fit: u from sweep scatter" : "");
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        const char *name = material_parameter_name(j->model, p);
+        if (name && isfinite(j->value[p]) && j->at_bound[p])
+            printf("    %-12s %12.6g   at its bound\n", name, j->value[p]);
+        else if (name && isfinite(j->value[p]))
+            printf("    %-12s %12.6g   u %.2g\n", name, j->value[p], joint_u(j, p, -1));
+    }
+    for (int b = 0; b < BANDS; b++)
+        if (isfinite(j->s_lambda[b]))
+            worst = fmax(worst, joint_u(j, MATERIAL_S, b));
+    printf("    S(lambda)    of every band, u at most %.2g; beta' %s\n", worst,
+           j->beta_prime_per_band ? "of every band" : "shared");
+}
+
 static int show_text(struct shown *w) {
     puts(w->path);
     if (w->sample)
@@ -121,6 +146,8 @@ static int show_text(struct shown *w) {
         print_linearity(&w->linearity);
     if (w->has_estimate)
         print_estimate(&w->estimate);
+    if (w->has_joint)
+        print_joint(&w->joint);
     return 0;
 }
 
@@ -170,6 +197,8 @@ static int show_json(struct shown *w, struct err *e) {
     json_object_set_new(all, "points", points);
     if (w->has_estimate)
         json_object_set_new(all, "estimate", estimate_to_json(&w->estimate));
+    if (w->has_joint)
+        json_object_set_new(all, "joint", joint_to_json(&w->joint));
     if (rc == 0) {
         json_dumpf(all, stdout, JSON_COMPACT);
         putchar('\n');
@@ -185,6 +214,7 @@ static int show(struct shown *w, const struct verb_args *args, struct err *e) {
     if (rc == 0)
         rc = args->json ? show_json(w, e) : show_text(w);
     json_decref(w->sample);
+    joint_free(&w->joint);
     return rc;
 }
 

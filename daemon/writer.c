@@ -1,4 +1,4 @@
-#include "daemon/writer.h"
+#include "daemon/writer_private.h"
 
 #include <assert.h>
 #include <errno.h>
@@ -13,43 +13,6 @@
 
 #define EXCHANGE_AGE_REAL_US US_PER_S             /* design 4.5 */
 #define EXCHANGE_AGE_VIRTUAL_US (1000 * US_PER_S) /* the same second of the disk's time */
-
-enum record_kind {
-    RECORD_CREATE,
-    RECORD_OPEN,
-    RECORD_CLOSE,
-    RECORD_TEXT,
-    RECORD_CALIBRATION,
-    RECORD_EXPOSURE,
-    RECORD_POINT,
-    RECORD_BRACKET,
-    RECORD_LINEARITY,
-    RECORD_ESTIMATE,
-    RECORD_SLOPES,
-    RECORD_EVENT,
-    RECORD_EXCHANGE,
-    RECORD_COMMIT,
-    RECORD_STOP
-};
-
-struct queued_exchange {
-    int64_t sent_us, done_us;
-    int result;
-    size_t request_size, reply_size;
-};
-
-/* One allocation: the record, then its object, then up to two byte strings. */
-struct record {
-    struct record *next;
-    enum record_kind kind;
-    int file;
-    int64_t ticket; /* 0 = none */
-    int64_t us, id;
-    size_t size;
-    char key[96];
-    void *object;
-    void *bytes;
-};
 
 struct file {
     struct session *session; /* writer thread only */
@@ -88,52 +51,6 @@ static void fail(struct writer *w, const struct err *e) {
     }
 }
 
-static int check_id(int64_t given, int64_t expected, struct err *e) {
-    if (given == expected)
-        return 0;
-    return err_set(e, ERR_IO,
-                   "row %lld was written as number %lld: is another program writing to this session?",
-                   (long long)expected, (long long)given);
-}
-
-static int write_exchange(struct session *s, const struct record *r, struct err *e) {
-    const struct queued_exchange *x = r->object;
-    const char *reply = (const char *)r->bytes + x->request_size;
-    return session_add_exchange(s, x->sent_us, x->done_us, r->key, r->bytes, x->request_size, reply,
-                                x->reply_size, x->result, e);
-}
-
-static int write_row(struct session *s, struct record *r, struct err *e) {
-    int result = 0;
-    switch (r->kind) {
-    case RECORD_TEXT:
-        return session_set_text(s, r->key, r->bytes, e);
-    case RECORD_CALIBRATION:
-        return session_set_calibration(s, r->object, e);
-    case RECORD_EXPOSURE:
-        ((struct exposure *)r->object)->counts = r->bytes;
-        result = session_add_exposure(s, r->object, e);
-        return result < 0 ? result : check_id(((struct exposure *)r->object)->id, r->id, e);
-    case RECORD_POINT:
-        result = session_add_point(s, r->object, e);
-        return result < 0 ? result : check_id(((struct point *)r->object)->id, r->id, e);
-    case RECORD_BRACKET:
-        return session_add_bracket(s, r->object, e);
-    case RECORD_LINEARITY:
-        return session_add_linearity(s, r->object, e);
-    case RECORD_ESTIMATE:
-        return session_add_estimate(s, r->us, r->id, r->object, e);
-    case RECORD_SLOPES:
-        return session_add_slopes(s, r->object, (size_t)r->id, e);
-    case RECORD_EVENT:
-        return session_add_event(s, r->us, r->key, r->bytes, e);
-    case RECORD_EXCHANGE:
-        return write_exchange(s, r, e);
-    default:
-        return 0;
-    }
-}
-
 static int write_in_transaction(struct file *f, struct record *r, struct err *e) {
     if (!f->in_transaction) {
         int result = session_begin(f->session, e);
@@ -141,7 +58,7 @@ static int write_in_transaction(struct file *f, struct record *r, struct err *e)
             return result;
         f->in_transaction = true;
     }
-    return write_row(f->session, r, e);
+    return writer_row(f->session, r, e);
 }
 
 static int commit(struct file *f, struct err *e) {
@@ -421,35 +338,45 @@ void writer_exposure(struct writer *w, int file, const struct exposure *x) {
     push(w, r);
 }
 
-void writer_point(struct writer *w, int file, const struct point *p) {
-    struct record *r = record_new(w, RECORD_POINT, file, p, sizeof *p, 0);
-    if (r)
-        r->id = p->id;
-    push(w, r);
-}
-
-void writer_bracket(struct writer *w, int file, const struct bracket *b) {
-    push(w, record_new(w, RECORD_BRACKET, file, b, sizeof *b, 0));
-}
-
-void writer_linearity(struct writer *w, int file, const struct linearity *l) {
-    push(w, record_new(w, RECORD_LINEARITY, file, l, sizeof *l, 0));
-}
-
-void writer_estimate(struct writer *w, int file, int64_t now_us, int64_t last_point_id,
-                     const struct estimate *m) {
-    struct record *r = record_new(w, RECORD_ESTIMATE, file, m, sizeof *m, 0);
+static void push_object(struct writer *w, enum record_kind kind, int file, const void *object, size_t size,
+                        int64_t us, int64_t id) {
+    struct record *r = record_new(w, kind, file, object, size, 0);
     if (r) {
-        r->us = now_us;
-        r->id = last_point_id;
+        r->us = us;
+        r->id = id;
     }
     push(w, r);
 }
 
+void writer_point(struct writer *w, int file, const struct point *p) {
+    push_object(w, RECORD_POINT, file, p, sizeof *p, 0, p->id);
+}
+
+void writer_bracket(struct writer *w, int file, const struct bracket *b) {
+    push_object(w, RECORD_BRACKET, file, b, sizeof *b, 0, 0);
+}
+
+void writer_linearity(struct writer *w, int file, const struct linearity *l) {
+    push_object(w, RECORD_LINEARITY, file, l, sizeof *l, 0, 0);
+}
+
+void writer_estimate(struct writer *w, int file, int64_t now_us, int64_t last_point_id,
+                     const struct estimate *m) {
+    push_object(w, RECORD_ESTIMATE, file, m, sizeof *m, now_us, last_point_id);
+}
+
 void writer_slopes(struct writer *w, int file, const struct point_slope *slope, size_t n) {
-    struct record *r = record_new(w, RECORD_SLOPES, file, slope, n * sizeof *slope, 0);
-    if (r)
-        r->id = (int64_t)n;
+    push_object(w, RECORD_SLOPES, file, slope, n * sizeof *slope, 0, (int64_t)n);
+}
+
+void writer_joint(struct writer *w, int file, const struct joint *joint) {
+    size_t cells = (size_t)joint->n * (size_t)joint->n, size = cells * sizeof(double);
+    struct record *r = record_new(w, RECORD_JOINT, file, joint, sizeof *joint, 2 * size);
+    if (r && cells) {
+        r->id = (int64_t)cells;
+        memcpy(r->bytes, joint->statistical, size);
+        memcpy((char *)r->bytes + size, joint->common, size);
+    }
     push(w, r);
 }
 

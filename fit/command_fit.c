@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "fit/aperture.h"
+#include "fit/joint_fit.h"
 #include "fit/points_option.h"
 #include "fit/reflectance.h"
 #include "fit/solve.h"
@@ -20,6 +21,8 @@ static const char help_of_fit[] =
     "two-lobe,\n"
     "                      or all of them, best BIC first\n"
     "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
+    "  --joint             also one fit of all bands together: shared shape parameters, S of each band\n"
+    "  --beta-prime-per-band  the same with one beta' for each band\n"
     "  --paper-convention  refit of the paper's printed form: kappa = pi, q = 1; S_paper = pi S is given "
     "too\n"
     "  --source-width DEG, --sensor-width DEG\n"
@@ -29,7 +32,7 @@ static const char help_of_fit[] =
 
 struct options {
     const char *model; /* NULL: all */
-    bool unweighted, paper, json;
+    bool unweighted, paper, json, joint, per_band;
     double source_width_deg, sensor_width_deg; /* NAN: as the file says */
     struct points_options points;
 };
@@ -68,6 +71,8 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
                                           {"paper-convention", no_argument, NULL, 'p'},
                                           {"source-width", required_argument, NULL, 's'},
                                           {"sensor-width", required_argument, NULL, 'v'},
+                                          {"joint", no_argument, NULL, 'J'},
+                                          {"beta-prime-per-band", no_argument, NULL, 'b'},
                                           {"json", no_argument, NULL, 'j'},
                                           {"help", no_argument, NULL, 'h'},
                                           POINTS_OPTIONS(POINTS_OPTION),
@@ -91,6 +96,13 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
         case 'v':
             status = take_width(optarg, &o->sensor_width_deg, e);
             break;
+        case 'b':
+            o->per_band = true;
+            o->joint = true;
+            break;
+        case 'J':
+            o->joint = true;
+            break;
         case 'j':
             o->json = true;
             break;
@@ -113,6 +125,8 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
 struct result {
     struct estimate estimate;
     struct estimate_trace trace;
+    struct joint joint;
+    bool has_joint;
     const char *file;
     struct points_report report;
     struct mask mask;
@@ -172,6 +186,32 @@ static json_t *input_to_json(const struct result *r) {
                      "left_out", left_out, "notes", notes);
 }
 
+static void print_joint(const struct result *r) {
+    const struct joint *j = &r->joint;
+    if (!r->has_joint || !j->converged) {
+        return;
+    }
+    printf("  joint fit of %d bands, %d values: chi-square %.5g, expected %.5g%s\n", j->n_bands, j->n_values,
+           j->chi2, j->chi2_expected, j->misfit ? ": the model does not fit, u from sweep scatter" : "");
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        const char *name = material_parameter_name(j->model, p);
+        if (name && isfinite(j->value[p])) {
+            printf("  %-11s %14.8g %12.3g%s\n", name, j->value[p], joint_u(j, p, -1),
+                   j->at_bound[p] ? "  at its bound" : "");
+        }
+    }
+    for (int b = 0; b < BANDS; b++) {
+        if (!isfinite(j->s_lambda[b])) {
+            continue;
+        }
+        printf("  S(%d nm)   %14.8g %12.3g", band_nm(b), j->s_lambda[b], joint_u(j, MATERIAL_S, b));
+        if (j->beta_prime_per_band) {
+            printf("  beta' %12.8g %10.3g", j->beta_prime[b], joint_u(j, MATERIAL_BETA_PRIME, b));
+        }
+        putchar('\n');
+    }
+}
+
 static json_t *result_to_json(const struct result *r, bool paper) {
     json_t *json = estimate_to_json(&r->estimate), *trace = json_array();
     for (size_t i = 0; i < r->trace.n; i++) {
@@ -182,10 +222,22 @@ static json_t *result_to_json(const struct result *r, bool paper) {
     json_object_set_new(json, "solver", json_string(solve_name(SOLVE_TINY)));
     json_object_set_new(json, "file", json_string(r->file));
     json_object_set_new(json, "input", input_to_json(r));
+    if (r->has_joint) {
+        json_object_set_new(json, "joint", joint_to_json(&r->joint));
+    }
     if (paper) {
         json_object_set_new(json, "S_paper", json_real(M_PI * r->estimate.value[MATERIAL_S]));
     }
     return json;
+}
+
+static int fit_joint(struct fitset *data, const struct options *o, struct result *r, struct err *e) {
+    const struct estimate_input *input;
+    const bool has_lobe = material_parameter_name(r->estimate.model, MATERIAL_BETA_PRIME) != NULL;
+    int status = fitset_input(data, &input, e);
+    status = status ? status : joint_fit(input, &r->estimate, o->per_band && has_lobe, &r->joint, e);
+    r->has_joint = status == 0;
+    return status;
 }
 
 /* Best first; those without an estimate last. */
@@ -227,6 +279,9 @@ static int fit_models(const char *path, const struct options *o, struct result *
         data.input.model = name;
         data.input.trace = &r->trace;
         status = fitset_fit(&data, &r->estimate, &e);
+        if (!status && o->joint) {
+            status = fit_joint(&data, o, r, &e);
+        }
         if (status == -ERR_FIT) { /* a model that these points defeat does not take the others along */
             snprintf(r->estimate.model, sizeof r->estimate.model, "%s", name);
             snprintf(r->estimate.refusal, sizeof r->estimate.refusal, "%.255s", e.text);
@@ -248,6 +303,12 @@ static int print_results(const struct result *results, int n, const struct optio
             json_array_append_new(all, result_to_json(&results[i], o->paper));
         } else {
             print_text(&results[i], o->paper);
+            print_joint(&results[i]);
+        }
+        if (results[i].has_joint && !results[i].joint.converged) {
+            status = 1;
+            fprintf(stderr, "goniofit fit: %s: %s: no joint fit: %s\n", results[i].file,
+                    results[i].estimate.model, results[i].joint.refusal);
         }
         if (!results[i].estimate.converged) {
             status = 1;
@@ -280,6 +341,9 @@ int command_fit(int argc, char **argv) {
         fit_models(argv[i], &options, results, &n, &errors);
     }
     status = errors.n ? command_complain_all(&errors) : print_results(results, n, &options);
+    for (int i = 0; i < n; i++) {
+        joint_free(&results[i].joint);
+    }
     free(results);
     return status;
 }

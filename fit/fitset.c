@@ -41,8 +41,8 @@ void fitset_free(struct fitset *d) {
         free(d->bracket[i].tau_us);
         free(d->bracket[i].tau_r_us);
     }
-    void *all[] = {d->theta_i_deg, d->theta_v_deg, d->beta,    d->u_ind,  d->bands,   d->bands_u,
-                   d->mirrored,    d->cause,       d->bracket, d->common, d->brackets};
+    void *all[] = {d->theta_i_deg, d->theta_v_deg, d->beta,  d->u_ind,   d->bands,  d->bands_u,
+                   d->bands_cov,   d->mirrored,    d->cause, d->bracket, d->common, d->brackets};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         free(all[i]);
     }
@@ -77,7 +77,8 @@ static int grow_bands(struct fitset *d, struct err *e) {
     int status = 0;
     if (d->band_capacity < d->capacity) {
         if ((status = reserve(&d->bands, BANDS * sizeof(double), d->capacity, e)) ||
-            (status = reserve(&d->bands_u, BANDS * sizeof(double), d->capacity, e))) {
+            (status = reserve(&d->bands_u, BANDS * sizeof(double), d->capacity, e)) ||
+            (status = reserve(&d->bands_cov, BANDS * sizeof(double), d->capacity, e))) {
             return status;
         }
         d->band_capacity = d->capacity;
@@ -85,6 +86,7 @@ static int grow_bands(struct fitset *d, struct err *e) {
     for (size_t i = 0; i < d->n && !d->has_bands; i++) {
         copy_bands(d->bands + i * BANDS, NULL);
         copy_bands(d->bands_u + i * BANDS, NULL);
+        copy_bands(d->bands_cov + i * BANDS, NULL);
     }
     d->has_bands = true;
     return status;
@@ -108,8 +110,10 @@ int fitset_add_point(struct fitset *d, const struct fitset_point *point, struct 
     if (d->has_bands) {
         copy_bands(d->bands + i * BANDS, point->bands);
         copy_bands(d->bands_u + i * BANDS, point->bands ? point->bands_u : NULL);
+        copy_bands(d->bands_cov + i * BANDS, point->bands ? point->bands_cov : NULL);
     }
     d->has_bands_u = d->has_bands_u || (point->bands && point->bands_u);
+    d->has_bands_cov = d->has_bands_cov || (point->bands && point->bands_cov);
     return 0;
 }
 
@@ -232,6 +236,7 @@ int fitset_input(struct fitset *d, const struct estimate_input **input, struct e
     in->u_ind = d->has_u ? d->u_ind : NULL;
     in->band_beta = d->has_bands ? d->bands : NULL;
     in->band_u_ind = d->has_bands_u ? d->bands_u : NULL;
+    in->band_cov_next = d->has_bands_cov ? d->bands_cov : NULL;
     in->n_common = d->n_causes;
     in->common = d->common;
     in->n_bracket = d->n_brackets;

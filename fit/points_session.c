@@ -75,10 +75,11 @@ static int see_point(void *arg, const struct point *p) {
     if (!mask_admits(&r->data->mask, theta_i_deg, fabs(theta_v_deg), theta_v_deg > 0 ? 180 : 0)) {
         return 0;
     }
-    double bands[BANDS], bands_u[BANDS];
+    double bands[BANDS], bands_u[BANDS], bands_cov[BANDS];
     for (int b = 0; b < BANDS; b++) {
         bands[b] = p->present[b] ? p->beta[b] : NAN;
         bands_u[b] = p->present[b] ? p->u_ind[b] : NAN;
+        bands_cov[b] = p->present[b] ? p->cov_next[b] : NAN;
     }
     struct fitset_point point = {.theta_i_deg = theta_i_deg,
                                  .theta_v_deg = theta_v_deg,
@@ -86,7 +87,8 @@ static int see_point(void *arg, const struct point *p) {
                                  .beta = p->mean,
                                  .u_ind = p->mean_u_ind,
                                  .bands = bands,
-                                 .bands_u = bands_u};
+                                 .bands_u = bands_u,
+                                 .bands_cov = bands_cov};
     size_t at = r->data->n;
     int status = fitset_add_point(r->data, &point, r->e);
     for (int c = 0; c < p->n_common && !status; c++) {

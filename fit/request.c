@@ -56,10 +56,16 @@ static int get_list(const json_t *object, const char *key, size_t n, const json_
 }
 
 static int read_point(struct request *r, const json_t *json, size_t at, struct err *e) {
-    double bands[BANDS], bands_u[BANDS];
+    double bands[BANDS], bands_u[BANDS], bands_cov[BANDS];
     const json_t *band_list = json_object_get(json, "bands"), *u_list = json_object_get(json, "bands_u");
-    struct fitset_point point = {
-        .theta_i_deg = NAN, .theta_v_deg = NAN, .beta = NAN, .u_ind = NAN, .bands = NULL, .bands_u = NULL};
+    const json_t *cov_list = json_object_get(json, "bands_cov_next");
+    struct fitset_point point = {.theta_i_deg = NAN,
+                                 .theta_v_deg = NAN,
+                                 .beta = NAN,
+                                 .u_ind = NAN,
+                                 .bands = NULL,
+                                 .bands_u = NULL,
+                                 .bands_cov = NULL};
     bool provisional = false;
     int status;
     if (!json_is_object(json)) {
@@ -80,6 +86,10 @@ static int read_point(struct request *r, const json_t *json, size_t at, struct e
     if (!status && point.bands && u_list && !json_is_null(u_list)) {
         point.bands_u = bands_u;
         status = get_bands(u_list, "bands_u", bands_u, e);
+    }
+    if (!status && point.bands && cov_list && !json_is_null(cov_list)) {
+        point.bands_cov = bands_cov;
+        status = get_bands(cov_list, "bands_cov_next", bands_cov, e);
     }
     r->index[at] = -1;
     if (status || isnan(point.beta)) {

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "fit/joint_fit.h"
 #include "fit/request.h"
 
 #define PREFIX 4
@@ -36,6 +37,17 @@ static int add_slopes(json_t *reply, struct request *r, const struct estimate *e
     return status;
 }
 
+static int add_joint(json_t *reply, struct request *r, const struct estimate *estimate, struct err *e) {
+    struct joint joint;
+    const struct estimate_input *input;
+    int status = fitset_input(&r->data, &input, e);
+    if (!status && !(status = joint_fit(input, estimate, false, &joint, e))) {
+        json_object_set_new(reply, "joint", joint_to_json(&joint));
+        joint_free(&joint);
+    }
+    return status;
+}
+
 static int estimate_request(const json_t *json, json_t *reply, struct err *e) {
     struct request r = {0};
     struct estimate estimate;
@@ -45,6 +57,9 @@ static int estimate_request(const json_t *json, json_t *reply, struct err *e) {
         json_object_set_new(reply, "estimate", estimate_to_json(&estimate));
         if (r.final && estimate.converged) {
             status = add_slopes(reply, &r, &estimate, e);
+        }
+        if (!status && r.final && estimate.converged && r.data.has_bands) {
+            status = add_joint(reply, &r, &estimate, e);
         }
     }
     request_free(&r);

@@ -5,7 +5,8 @@
  * Request    one object; every key but points has a default.
  *     id                    any value, given back (null)
  *     points                list of {theta_i_deg, theta_v_deg, beta, u_ind, mirrored (false), provisional
- *                           (false), bands: [81], bands_u: [81]}; angles in degrees, theta_v_deg > 0 on the
+ *                           (false), bands: [81], bands_u: [81], bands_cov_next: [81] (covariance of each band's
+ *                           independent part with the next band's)}; angles in degrees, theta_v_deg > 0 on the
  *                           mirror side; beta the visible mean, null = it has none (the point is left out);
  *                           a missing band is null; without u_ind in all points the fit is unweighted
  *     common                list of {name, mean: [..], points: [indices], bands: [[81], ..]}: signed change
@@ -21,9 +22,10 @@
  *                           how axis errors act through K (fit/spot.h); without filling they do not
  *     source_width_deg, sensor_width_deg   0: angular, full (fit/aperture.h)
  *     u_repeat_source_deg, u_repeat_sample_deg, u_zero_source_deg, u_zero_sample_deg   0
- *     final                 false; true adds axis_slopes to the reply
+ *     final                 false; true adds axis_slopes and, where there are bands, joint to the reply
  * Reply      {"id", "estimate": as estimate_to_json of proto/material.h, "axis_slopes": {"source": [n],
- *            "sample": [n]} (d beta / d axis per degree, null where a point was left out)} or {"id", "error":
+ *            "sample": [n]} (d beta / d axis per degree, null where a point was left out), "joint": as joint_to_json of
+ *            proto/joint.h} or {"id", "error":
  *            "sentence"}. Too few angles are an estimate with converged false and refusal, not an error.
  * Errors     a frame that is not JSON, or not of this form, is answered with an error; the next frame is read. A frame
  *            beyond SERVE_FRAME_MAX is read over and refused. -ERR_IO: the pipe broke inside a frame.

@@ -28,6 +28,7 @@
 #include "proto/bands.h"
 #include "proto/calibration.h"
 #include "proto/err.h"
+#include "proto/joint.h"
 #include "proto/material.h"
 
 #define SESSION_APPLICATION_ID 0x474f4e49 /* "GONI" */
@@ -151,6 +152,8 @@ int session_add_estimate(struct session *s, int64_t now_us, int64_t last_point_i
                          struct err *e);
 /* Of the newest estimate: how its points answer to the axes (measurement.md 6). */
 int session_add_slopes(struct session *s, const struct point_slope *slope, size_t n, struct err *e);
+int session_add_joint(struct session *s, const struct joint *joint,
+                      struct err *e); /* of the newest estimate */
 int session_add_event(struct session *s, int64_t now_us, const char *kind, const char *json, struct err *e);
 /* A Modbus exchange: request and reply as register images; result as returned by the link. */
 int session_add_exchange(struct session *s, int64_t sent_us, int64_t done_us, const char *link,
@@ -177,6 +180,8 @@ int session_each_estimate(struct session *s,
                           void *arg, struct err *e);
 int session_last_estimate(struct session *s, struct estimate *m,
                           struct err *e); /* -ERR_STATE when there is none */
+/* The newest joint fit, which joint_free frees; -ERR_STATE when there is none. */
+int session_last_joint(struct session *s, struct joint *joint, struct err *e);
 
 /* Every table in key order as text (`gonioctl show S --dump`); the "same bytes" of design 3. One line a row:
  * table name, then column=value separated by tabs; numbers at 17 digits, tabs and line ends in text escaped.

@@ -5,7 +5,7 @@
 
 /* Columns that hold an array of doubles; every other column of bytes is printed in hexadecimal. */
 static bool holds_doubles(const char *column) {
-    static const char *const names[] = {"rate", "sensitivity", "statistical", "common"};
+    static const char *const names[] = {"rate", "sensitivity", "statistical", "common", "shared"};
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
         if (strcmp(names[i], column) == 0)
             return true;

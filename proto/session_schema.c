@@ -22,6 +22,8 @@ const char *const SESSION_TABLES[] = {
     "estimation_spectrum",
     "estimation_warning",
     "estimation_point",
+    "estimation_joint",
+    "estimation_joint_row",
     NULL,
 };
 
@@ -105,6 +107,18 @@ static const char SCHEMA[] =
     "CREATE TABLE IF NOT EXISTS estimation_point (estimation_id INTEGER NOT NULL REFERENCES estimation,"
     " point_id INTEGER NOT NULL REFERENCES point, source_per_deg REAL, sample_per_deg REAL,"
     " PRIMARY KEY (estimation_id, point_id)) WITHOUT ROWID;"
+    "CREATE TABLE IF NOT EXISTS estimation_joint (estimation_id INTEGER PRIMARY KEY REFERENCES estimation,"
+    " model TEXT NOT NULL, converged INTEGER NOT NULL, refusal TEXT NOT NULL, beta_prime_per_band INTEGER "
+    "NOT NULL,"
+    " misfit INTEGER NOT NULL, n_points INTEGER NOT NULL, n_values INTEGER NOT NULL, n_bands INTEGER NOT "
+    "NULL,"
+    " kappa REAL, chi2 REAL, chi2_expected REAL, at_bound INTEGER NOT NULL, shared BLOB NOT NULL,"
+    " statistical BLOB NOT NULL, common BLOB NOT NULL);"
+    "CREATE TABLE IF NOT EXISTS estimation_joint_row (estimation_id INTEGER NOT NULL REFERENCES "
+    "estimation_joint,"
+    " at INTEGER NOT NULL, parameter TEXT NOT NULL, band INTEGER, value REAL, var_statistical REAL, "
+    "var_common REAL,"
+    " PRIMARY KEY (estimation_id, at)) WITHOUT ROWID;"
     "CREATE INDEX IF NOT EXISTS point_exposure ON point (exposure_id);";
 
 /* Only points that stand: a provisional one gives way to the final one. */
@@ -136,6 +150,10 @@ static const char VIEWS[] =
                           "estimate_id, "
                           "380 + 5 * s.band AS lambda_nm, s.s AS S,"
                           " s.u_s AS u_S FROM estimation_spectrum AS s;"
+                          "CREATE VIEW IF NOT EXISTS estimate_joint AS SELECT estimation_id AS estimate_id, "
+                          "parameter,"
+                          " 380 + 5 * band AS lambda_nm, value, var_statistical + var_common AS var FROM"
+                          " estimation_joint_row;"
                           "CREATE VIEW IF NOT EXISTS exchange_log AS SELECT x.id AS exchange_id, r.link, "
                           "x.sent_us, x.sent_us + x.took_us AS done_us,"
                           " x.result, hex(r.request) AS request, hex(x.reply) AS reply FROM exchange "

@@ -99,6 +99,36 @@ def test_fit_finds_what_eval_was_given(folder):
     assert code == 0 and "beta_prime" in out and "chi-square" in out
 
 
+def test_all_bands_together(folder):
+    """S of each band, and one shape that they share, known better than from any band alone."""
+    dice, bands, path = random.Random(3), {500: 0.1, 550: 0.4, 600: 0.2}, folder / "bands.csv"
+    rows = {nm: evaluated(folder, dict(MATERIAL, q=1, S=s)) for nm, s in bands.items()}
+    with open(path, "w") as f:
+        f.write("theta_i_deg,theta_v_deg," + ",".join(f"beta_{nm}nm,u_{nm}nm" for nm in bands) + "\n")
+        for at, row in enumerate(rows[500]):
+            cells = [row["theta_i_deg"], row["theta_v_deg"]]
+            for nm in bands:
+                u = 0.003 * rows[nm][at]["beta"] + 1e-4
+                cells += [f"{rows[nm][at]['beta'] + dice.gauss(0, u):.9g}", f"{u:.4g}"]
+            f.write(",".join(map(str, cells)) + "\n")
+    code, out, err = run("fit", path, "--joint", "--json")
+    assert code == 0, err
+    joint = json.loads(out)["joint"]
+    assert joint["n_bands"] == 3 and joint["n_values"] == 3 * 198 and not joint["misfit"]
+    for name in ("sigma", "gamma", "beta_prime", "n"):
+        assert abs(joint["parameters"][name] - MATERIAL[name]) < 4.5 * joint["std"][name], name
+    for nm, s in bands.items():
+        at = (nm - 380) // 5
+        assert abs(joint["s_lambda"][at] - s) < 4.5 * joint["u_s_lambda"][at], nm
+    n = len(joint["rows"])
+    assert n == 4 + 3 and len(joint["covariance_statistical"]) == n * (n + 1) // 2
+    assert joint["rows"][0] == ["sigma"] and ["S", 550] in joint["rows"]
+    code, out, err = run("fit", path, "--beta-prime-per-band")
+    assert code == 0 and "joint fit of 3 bands" in out and out.count("beta' ") == 3, out + err
+    code, out, err = run("fit", measured(folder), "--joint")
+    assert code == 1 and "no joint fit: the points have no bands" in err
+
+
 def test_models_are_ranked(folder):
     path = measured(folder)
     code, out, err = run("fit", path, "--model", "all", "--json")

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "fit/serve.h"
+#include "proto/joint.h"
 #include "tests/support/goniometry.h"
 
 static struct goniometry m;
@@ -187,6 +188,15 @@ static void parts_of_the_covariance_come_from_their_causes(void **state) {
     assert_true(std_of(plain, "std_common", "S") == 0);
     const json_t *slopes = json_object_get(json_object_get(scaled, "axis_slopes"), "sample");
     assert_int_equal(json_array_size(slopes), m.input.n);
+    struct joint joint; /* only the final answer has it */
+    assert_null(json_object_get(plain, "joint"));
+    assert_int_equal(joint_from_json(json_object_get(scaled, "joint"), &joint, NULL), 0);
+    assert_true(joint.converged && joint.n_bands == BANDS && joint.n == 4 + BANDS);
+    assert_float_equal(joint.s_lambda[30], m.s_lambda[30], 1e-7);
+    assert_float_equal(joint.value[MATERIAL_SIGMA], m.value[MATERIAL_SIGMA], 1e-7);
+    const int s30 = joint_row(&joint, MATERIAL_S, 30);
+    assert_float_equal(sqrt(joint.common[s30 * (joint.n + 1)]) / joint.s_lambda[30], 0.01, 0.001);
+    joint_free(&joint);
     json_t *drifting = request_of(3);
     json_object_set_new(drifting, "drift",
                         json_pack("[{s:o,s:o,s:f,s:f}]", "bracket_points", indices, "tau_us",
@@ -219,6 +229,11 @@ static void points_without_a_mean_are_left_out(void **state) {
     json_decref(reply);
 }
 
+#define NINE_NULLS "null,null,null,null,null,null,null,null,null"
+#define NULLS                                                                                                \
+    "[" NINE_NULLS "," NINE_NULLS "," NINE_NULLS "," NINE_NULLS "," NINE_NULLS "," NINE_NULLS "," NINE_NULLS \
+    "," NINE_NULLS "," NINE_NULLS "]"
+
 /* Wrong members, one at a time: the sentence names the key. */
 static void every_wrong_member_is_named(void **state) {
     (void)state;
@@ -241,6 +256,7 @@ static void every_wrong_member_is_named(void **state) {
         {"points", "[{\"theta_i_deg\":95,\"theta_v_deg\":0,\"beta\":1}]", "95 deg"},
         {"points", "[{\"beta\":1,\"bands\":[1,2]}]", "bands"},
         {"points", "[{\"theta_i_deg\":9,\"theta_v_deg\":0,\"beta\":1,\"u_ind\":-1}]", "point 1"},
+        {"points", "[{\"beta\":1,\"bands\":" NULLS ",\"bands_cov_next\":[1]}]", "bands_cov_next"},
         {"common", "[{\"mean\":[1]}]", "common"},
         {"common", "[{\"name\":\"x\",\"mean\":[1]}]", "mean"},
         {"common", "[{\"name\":\"x\",\"points\":[999],\"mean\":[1]}]", "points"},

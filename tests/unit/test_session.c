@@ -279,6 +279,43 @@ static void slopes_belong_to_the_newest_estimate(void **state) {
     ROW_OK(session_close(s, e));
 }
 
+static void a_joint_fit_stands_beside_its_estimate(void **state) {
+    (void)state;
+    struct session *s = fill(3);
+    struct estimate m;
+    struct joint joint = {.model = "composite", .converged = true, .kappa = 1, .n_bands = 2, .chi2 = 1.5},
+                 back;
+    assert_int_equal(session_last_joint(s, &back, NULL), -ERR_STATE);
+    joint.at_bound[MATERIAL_N] = true;
+    joint.value[MATERIAL_SIGMA] = 0.3;
+    joint.value[MATERIAL_BETA_PRIME] = 7.5;
+    for (int b = 0; b < BANDS; b++)
+        joint.s_lambda[b] = b == 3 || b == 80 ? b / 100.0 : NAN;
+    ROW_OK(joint_allocate(&joint, 3, e));
+    joint.row[0] = (struct joint_row){MATERIAL_SIGMA, -1};
+    joint.row[1] = (struct joint_row){MATERIAL_S, 3};
+    joint.row[2] = (struct joint_row){MATERIAL_S, 80};
+    for (int i = 0; i < 9; i++) {
+        joint.statistical[i] = 1e-6 / (1 + i / 3 + i % 3);
+        joint.common[i] = 1e-7 * (1 + i / 3) * (1 + i % 3);
+    }
+    row_estimate(1, &m);
+    ROW_OK(session_add_estimate(s, 1000, 1, &m, e));
+    ROW_OK(session_add_joint(s, &joint, e));
+    ROW_OK(session_close(s, e));
+    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_last_joint(s, &back, e));
+    assert_true(back.n == 3 && back.kappa == 1 && back.at_bound[MATERIAL_N] && !back.at_bound[MATERIAL_S]);
+    assert_memory_equal(back.row, joint.row, sizeof joint.row[0] * 3);
+    assert_memory_equal(back.statistical, joint.statistical, 9 * sizeof(double));
+    assert_memory_equal(back.common, joint.common, 9 * sizeof(double));
+    assert_true(back.s_lambda[3] == 0.03 && back.s_lambda[80] == 0.8 && isnan(back.s_lambda[4]));
+    assert_true(back.beta_prime[80] == 7.5 && isnan(back.beta_prime[0]) && back.value[MATERIAL_SIGMA] == 0.3);
+    joint_free(&back);
+    joint_free(&joint);
+    ROW_OK(session_close(s, e));
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
 
 /* --make FILE: a session for tests/unit/test_session_format.py. */
@@ -308,6 +345,7 @@ int main(int argc, char **argv) {
         TEST(brackets_events_exchanges_and_texts_come_back),
         TEST(estimates_come_back),
         TEST(slopes_belong_to_the_newest_estimate),
+        TEST(a_joint_fit_stands_beside_its_estimate),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
