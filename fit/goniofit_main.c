@@ -5,12 +5,14 @@
 #include "fit/commands.h"
 #include "fit/serve.h"
 
-static const char help[] = "usage: goniofit fit FILE... | eval --params P.json --points G.csv | --serve\n"
-                           "  fit      fits a reflection model to measured radiance factors\n"
-                           "  eval     prints the model and its derivatives at given points\n"
-                           "  --serve  answers length-prefixed JSON requests on stdin until its end\n"
-                           "  goniofit COMMAND --help tells more; --version prints the version\n"
-                           "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
+static const char help[] =
+    "usage: goniofit fit FILE... | eval --params P.json --points G.csv | stability | --serve\n"
+    "  fit      fits a reflection model to measured radiance factors\n"
+    "  eval     prints the model and its derivatives at given points\n"
+    "  stability  stiff, extreme and broken measurements against their truth\n"
+    "  --serve  answers length-prefixed JSON requests on stdin until its end\n"
+    "  goniofit COMMAND --help tells more; --version prints the version\n"
+    "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
 
 static int command_serve(int argc, char **argv) {
     struct err e = {0};
@@ -40,8 +42,8 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"fit", command_fit},     {"eval", command_eval},         {"--serve", command_serve},
-    {"--help", command_help}, {"--version", command_version},
+    {"fit", command_fit},       {"eval", command_eval},   {"stability", command_stability},
+    {"--serve", command_serve}, {"--help", command_help}, {"--version", command_version},
 };
 
 int main(int argc, char **argv) {
