@@ -87,7 +87,7 @@ static json_t *parameters_to_json(const struct stability_case *c, const struct s
     for (int p = MATERIAL_S; p <= MATERIAL_N && m->converged; p++) {
         double u = sqrt(m->statistical[p][p] + m->common[p][p]);
         json_object_set_new(all, material_parameter_name(m->model, p),
-                            json_pack("{s:o,s:o,s:o,s:b,s:o,s:b}", "truth", number(c->value[p]), "value",
+                            json_pack("{s:o,s:o,s:o,s:b,s:o,s:b}", "truth", number(c->truth[p]), "value",
                                       number(m->value[p]), "u", number(u), "at_bound", m->at_bound[p],
                                       "limit_95", number(m->at_bound[p] ? m->limit_95[p] : NAN),
                                       "not_identifiable", m->not_identifiable[p]));

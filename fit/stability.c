@@ -116,7 +116,7 @@ static double on_scale(int parameter, double value) {
 static void judge_claim(const struct stability_case *c, int parameter, struct stability_result *r) {
     const struct estimate *m = &r->estimate;
     double u = sqrt(m->statistical[parameter][parameter] + m->common[parameter][parameter]);
-    double error_u = fabs(m->value[parameter] - c->value[parameter]) / u;
+    double error_u = fabs(m->value[parameter] - c->truth[parameter]) / u;
     if (!(error_u <= r->worst_u)) {
         r->worst_u = error_u;
         r->worst = parameter;
@@ -124,7 +124,7 @@ static void judge_claim(const struct stability_case *c, int parameter, struct st
     if (!(error_u <= STABILITY_LIE_U)) {
         r->verdict = STABILITY_LIES;
         snprintf(r->why, sizeof r->why, "%s is said to be %.6g with u %.2g; it is %.6g",
-                 material_parameter_name(m->model, parameter), m->value[parameter], u, c->value[parameter]);
+                 material_parameter_name(m->model, parameter), m->value[parameter], u, c->truth[parameter]);
     }
 }
 
@@ -132,14 +132,30 @@ static void judge_limit(const struct stability_case *c, int parameter, struct st
     const struct estimate *m = &r->estimate;
     double bound = on_scale(parameter, m->value[parameter]),
            limit = on_scale(parameter, m->limit_95[parameter]);
-    double truth = on_scale(parameter, c->value[parameter]);
+    double truth = on_scale(parameter, c->truth[parameter]);
     double reach = (truth - bound) / (limit - bound); /* 1: at the limit; below 0: beyond the bound */
     if (!(reach <= LIMIT_REACH)) {
         r->verdict = STABILITY_LIES;
         snprintf(r->why, sizeof r->why, "%s is said to be between %.4g and %.4g; it is %.4g",
                  material_parameter_name(m->model, parameter), m->value[parameter], m->limit_95[parameter],
-                 c->value[parameter]);
+                 c->truth[parameter]);
     }
+}
+
+/* The parameter whose truth the usual bounds leave out, -1 where none is: no fit can find it, but it has to be said to
+ * be at its bound, and what goes with it then holds for that bound only. */
+static int find_excluded(const struct stability_case *c) {
+    double low[COORDINATES_MAX], high[COORDINATES_MAX], bound[MATERIAL_PARAMETERS];
+    coordinates_bounds(REFLECTANCE_COMPOSITE, low, high);
+    for (int end = 0; end < 2 && !c->wide && !c->replaced; end++) {
+        coordinates_to_value(REFLECTANCE_COMPOSITE, end ? high : low, bound);
+        for (int p = MATERIAL_S; p <= MATERIAL_N; p++) {
+            if (p != MATERIAL_BETA_PRIME && (end ? c->truth[p] > bound[p] : c->truth[p] < bound[p])) {
+                return p;
+            }
+        }
+    }
+    return -1;
 }
 
 void stability_judge(const struct stability_case *c, struct stability_result *r) {
@@ -156,6 +172,12 @@ void stability_judge(const struct stability_case *c, struct stability_result *r)
         } else {
             judge_claim(c, p, r);
         }
+    }
+    int excluded = find_excluded(c);
+    if (excluded >= 0 && (m->at_bound[excluded] || m->not_identifiable[excluded])) {
+        r->verdict = STABILITY_GOOD;
+        snprintf(r->why, sizeof r->why, "%s is outside the bounds: said to be at one, or unknown",
+                 material_parameter_name(m->model, excluded));
     }
 }
 

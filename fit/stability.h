@@ -4,7 +4,8 @@
  * A case is a surface, the angles it is seen at, a noise, and something to spoil the points with. It is estimated in
  * a process of its own under a limit of seconds, so that a case can neither hang nor take the others along.
  * Judgement  GOOD: an estimate whose identifiable parameters lie within STABILITY_LIE_U of their stated u, and whose
- *            one-sided limits do not exclude the truth by more than three times their own length. REFUSED: no
+ *            one-sided limits do not exclude the truth by more than three times their own length; or a parameter outside the
+ *            bounds is said to be at one. REFUSED: no
  *            estimate, with the reason. LIES: neither. HANGS, CRASHES: what the child's end says.
  * Promises   the same seed gives the same points; the order of cases does not matter.
  * Errors     -ERR_NOMEM, -ERR_IO (no process could be started).
@@ -27,7 +28,9 @@ struct stability_points { /* [n], owned */
 struct stability_case {
     const char *group; /* "gamma against step" */
     char name[64];
-    double value[MATERIAL_PARAMETERS]; /* the truth */
+    double value[MATERIAL_PARAMETERS]; /* the surface */
+    double truth[MATERIAL_PARAMETERS]; /* what the points show: the surface, but where they were replaced */
+    bool replaced;
     double theta_i_low_deg, theta_i_high_deg, theta_i_step_deg;
     double theta_v_first_deg, theta_v_step_deg; /* up to 80 */
     double noise_relative, noise_absolute;      /* sd of a point; the stated u is that of its noisy value */

@@ -93,13 +93,10 @@ static void add_angles(struct list *l) {
     add_range(l, "views beyond 50 deg alone", SIXTY, 10, 60, 50);
     add_range(l, "views of 80 deg alone", SIXTY, 10, 60, 80);
     struct stability_case *c = add(l, "angles", SIXTY);
-    snprintf(c->name, sizeof c->name, "back side alone");
-    c->theta_v_first_deg = -80;
-    c->spoil = NULL;
+    snprintf(c->name, sizeof c->name, "incidence 88 and 89 deg");
     c->theta_i_low_deg = 88;
     c->theta_i_high_deg = 89;
     c->theta_i_step_deg = 1;
-    snprintf(c->name, sizeof c->name, "incidence 88 and 89 deg");
 }
 
 static void add_noise(struct list *l) {
@@ -260,6 +257,10 @@ static void add_spoilt(struct list *l) {
     for (size_t i = 0; i < COUNT(rows); i++) {
         struct stability_case *c = add(l, rows[i].group, SIXTY);
         snprintf(c->name, sizeof c->name, "%s", rows[i].name);
+        if (rows[i].spoil == all_zero || rows[i].spoil == all_negative || rows[i].spoil == all_equal) {
+            c->replaced = true; /* by no surface, or by that of Lambert */
+            c->truth[MATERIAL_S] = rows[i].spoil == all_equal ? 0.2 : 0;
+        }
         c->spoil = rows[i].spoil;
         c->n_times = rows[i].n_times;
     }
@@ -294,6 +295,11 @@ int stability_cases(bool large, struct stability_case **cases, size_t *n, struct
     add_noise(&l);
     add_spoilt(&l);
     add_counts(&l, large);
+    for (size_t i = 0; i < l.n; i++) {
+        if (!l.item[i].replaced) {
+            memcpy(l.item[i].truth, l.item[i].value, sizeof l.item[i].truth);
+        }
+    }
     *cases = l.item;
     *n = l.n;
     return 0;

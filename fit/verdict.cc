@@ -8,6 +8,7 @@
 #include "fit/advice.h"
 #include "fit/limit.h"
 #include "fit/misfit.h"
+#include "fit/profile.h"
 #include "fit/quality.h"
 #include "fit/words.h"
 
@@ -37,11 +38,13 @@ class Verdict {
     int fill_quality(struct err *e);
     int judge_misfit(double chi2, struct err *e);
     double profile_scale(int column) const;
+    int stretch_flat(struct err *e);
     void fill_covariance();
     int fill_limit(int column, struct err *e);
     void add_shift(int column, const double *x_at_limit);
     void clear_bound_rows();
     int explain_gap(int column, struct err *e);
+    void find_lost_lobe();
     int find_gaps(struct err *e);
     void warn_physics();
     int fill_spectrum(struct err *e);
@@ -143,6 +146,30 @@ int Verdict::fill_quality(struct err *e) {
     return status ? status : quality_median_error(p_, &out_->median_relative_error, e);
 }
 
+/* Lets u grow where chi-square is flatter than the parabola it comes from. */
+int Verdict::stretch_flat(struct err *e) {
+    double factor[COORDINATES_MAX];
+    for (int j = 0; j < k_; j++) {
+        const int at = j * k_ + j;
+        const double u = std::sqrt(u_.independent[at] + u_.drift[at] + u_.common[at]);
+        factor[j] = 1;
+        if (free_[j] && u > PROFILE_FROM) {
+            int status = profile_stretch(p_, &fit_->best, j, u, profile_scale(j), &factor[j], e);
+            if (status) {
+                return status;
+            }
+        }
+    }
+    for (int a = 0; a < k_; a++) {
+        for (int b = 0; b < k_; b++) {
+            u_.independent[a * k_ + b] *= factor[a] * factor[b];
+            u_.drift[a * k_ + b] *= factor[a] * factor[b];
+            u_.common[a * k_ + b] *= factor[a] * factor[b];
+        }
+    }
+    return 0;
+}
+
 void Verdict::fill_covariance() {
     double chain[UNCERTAINTY_CELLS];
     coordinates_chain(p_->model, fit_->value, chain);
@@ -171,7 +198,9 @@ void Verdict::add_shift(int column, const double *x_at_limit) {
         if (j != column && free_[j]) {
             const double value = out_->value[parameter(j)], size = moved[parameter(j)];
             const bool linear = reflectance_kind(p_->model, parameter(j)) == REFLECTANCE_TAIL;
-            shift[parameter(j)] = (linear ? size - value : value * std::log(size / value)) / Z_95;
+            const double moved_ln = linear ? 0 : value * std::log(size / value);
+            shift[parameter(j)] =
+                (std::fabs(moved_ln) > std::fabs(size - value) ? moved_ln : size - value) / Z_95;
         }
     }
     for (int a = 0; a < MATERIAL_PARAMETERS; a++) {
@@ -260,8 +289,25 @@ int Verdict::explain_gap(int column, struct err *e) {
     return status;
 }
 
+/* A lobe whose height is a guess: width and index are then told by noise, whatever their own u says. */
+void Verdict::find_lost_lobe() {
+    for (int j = 0; j < k_; j++) {
+        const int at = j * k_ + j;
+        if (parameter(j) != MATERIAL_BETA_PRIME || !free_[j] ||
+            std::sqrt(u_.independent[at] + u_.drift[at] + u_.common[at]) <= U_LN_MAX) {
+            continue;
+        }
+        for (int i = 0; i < k_; i++) {
+            if (parameter(i) == MATERIAL_GAMMA || parameter(i) == MATERIAL_N || i == j) {
+                out_->not_identifiable[parameter(i)] = true;
+            }
+        }
+    }
+}
+
 int Verdict::find_gaps(struct err *e) {
     int status = 0;
+    find_lost_lobe();
     for (int j = 0; j < k_ && !status; j++) {
         if (free_[j] && !(relative_u(j) <= U_LN_MAX)) {
             out_->not_identifiable[parameter(j)] = true;
@@ -329,6 +375,9 @@ int Verdict::fill(struct err *e) {
     }
     out_->converged = true;
     status = fill_quality(e);
+    if (!status) {
+        status = stretch_flat(e);
+    }
     fill_covariance();
     for (int j = 0; j < k_ && !status; j++) {
         if (out_->at_bound[parameter(j)]) {
