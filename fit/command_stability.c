@@ -132,7 +132,7 @@ static void print_row(const struct stability_case *c, const struct stability_res
     printf("%-40s %8zu %9.2e %5d  %-8s", c->name, r->n, r->estimate.condition, r->estimate.iterations,
            stability_word(r->verdict));
     if (r->worst >= 0) {
-        printf(" %5.2f u (%s)", r->worst_u, worst_name(r));
+        printf(" %5.2f u (%s), solvers %.0e u apart", r->worst_u, worst_name(r), r->apart_u);
     }
     printf("%s%s%s\n", claims, r->why[0] ? "  " : "", r->why);
 }

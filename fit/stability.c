@@ -9,7 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "fit/coordinates.h"
+#include "fit/solve.h"
 
 #define LIMIT_REACH 3 /* how many of its own lengths a one-sided limit may fall short of the truth */
 
@@ -39,6 +39,46 @@ const char *stability_word(enum stability_verdict verdict) {
     return words[verdict];
 }
 
+/* Where both solvers end from the same start beside the estimate, with the weights of the estimate: the largest
+ * difference of a claimed coordinate in its u. */
+static int compare_solvers(struct problem *p, const struct estimate *m, double *apart_u, struct err *e) {
+    struct solve_result tiny, bounded;
+    double start[COORDINATES_MAX], chain[COORDINATES_MAX * COORDINATES_MAX];
+    int status = problem_evaluate(p, m->value, e);
+    if (status || (status = problem_reweigh(p, m->value, e))) {
+        return status;
+    }
+    coordinates_from_value(p->model, m->value, start);
+    coordinates_chain(p->model, m->value, chain);
+    for (int j = 0; j < p->k; j++) {
+        start[j] = fmin(fmax(start[j] + 0.05, p->low[j]), p->high[j]);
+    }
+    if ((status = solve_by(SOLVE_TINY, p, start, NULL, &tiny, NULL, e)) ||
+        (status = solve_by(SOLVE_QR, p, start, NULL, &bounded, NULL, e))) {
+        return status;
+    }
+    for (int j = 0; j < p->k && tiny.converged && bounded.converged; j++) {
+        int parameter = (int)reflectance_parameter(p->model, j);
+        double u = sqrt(m->statistical[parameter][parameter] + m->common[parameter][parameter]);
+        if (!m->at_bound[parameter] && !m->not_identifiable[parameter]) {
+            *apart_u = fmax(*apart_u, fabs(tiny.x[j] - bounded.x[j]) * chain[j * p->k + j] / u);
+        }
+    }
+    return 0;
+}
+
+static int find_apart(const struct estimate_input *input, const struct estimate *m, double *apart_u,
+                      struct err *e) {
+    struct problem p;
+    int status = problem_init(&p, input, e);
+    if (status) {
+        return status;
+    }
+    status = compare_solvers(&p, m, apart_u, e);
+    problem_free(&p);
+    return status;
+}
+
 static void estimate_points(const struct stability_case *c, uint64_t seed, struct answer *a) {
     struct stability_points p;
     a->apart_u = NAN;
@@ -57,6 +97,9 @@ static void estimate_points(const struct stability_case *c, uint64_t seed, struc
                                          .bound = c->wide ? wide_bounds : NULL};
     a->n = p.n;
     a->status = estimate_fit(&input, &a->estimate, &a->e);
+    if (!a->status && a->estimate.converged) {
+        a->status = find_apart(&input, &a->estimate, &a->apart_u, &a->e);
+    }
     stability_points_free(&p);
 }
 

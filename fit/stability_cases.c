@@ -241,7 +241,7 @@ static void add_spoilt(struct list *l) {
                 {"order", "every point twice", NULL, 2},
                 {"order", "half of the points copied", duplicate, 2},
                 {"order", "shuffled", shuffle, 0},
-                {"weights", "u over six decades", decades, 0},
+                {"weights", "weights over twelve decades", decades, 0},
                 {"weights", "u of zero", u_zero, 0},
                 {"values", "one is not a number", not_a_number, 0},
                 {"values", "one is infinite", infinite, 0},
