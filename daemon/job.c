@@ -88,8 +88,10 @@ static void check_model(const struct job *job, struct err_list *errors) {
         if (strcmp(models[i], job->fit_model) == 0)
             return;
     const char *near = yaml_nearest(job->fit_model, models);
-    job_complain(job, errors, "fit.model", "unknown model '%s'%s%s: lambert, oren-nayar, eq1 or composite",
-                 job->fit_model, near ? ", did you mean " : "", near ? near : "");
+    job_complain(
+        job, errors, "fit.model",
+        "unknown model '%s'%s%s: lambert, oren-nayar, eq1, composite, heavy-tail, transmitted or two-lobe",
+        job->fit_model, near ? ", did you mean " : "", near ? near : "");
 }
 
 static void check_wavelengths(const struct job *job, struct err_list *errors) {

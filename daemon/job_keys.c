@@ -393,13 +393,14 @@ static const struct yaml_key reference_keys[] = {
      .doc = "measure although the certificate's valid_until has passed; the session says so"},
     {0}};
 
-static const struct yaml_key fit_keys[] = {{.name = "model",
-                                            .type = YAML_STRING,
-                                            .offset = AT(fit_model),
-                                            .size = 24,
-                                            .default_text = "composite",
-                                            .doc = "lambert, oren-nayar, eq1 or composite"},
-                                           {0}};
+static const struct yaml_key fit_keys[] = {
+    {.name = "model",
+     .type = YAML_STRING,
+     .offset = AT(fit_model),
+     .size = 24,
+     .default_text = "composite",
+     .doc = "lambert, oren-nayar, eq1, composite, heavy-tail, transmitted or two-lobe"},
+    {0}};
 
 const struct yaml_key job_keys[] = {
     {.name = "name",
