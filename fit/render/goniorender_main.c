@@ -4,11 +4,13 @@
 #include "fit/render/verbs.h"
 #include "fit/render/scene_keys.h"
 
-static const char help[] = "usage: goniorender render SCENE.yaml -o FILE.png\n"
-                           "  render             renders a scene of painted shapes\n"
-                           "  --scene-reference  prints every key of a scene file\n"
-                           "  goniorender COMMAND --help tells more; --version prints the version\n"
-                           "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
+static const char help[] =
+    "usage: goniorender render SCENE.yaml -o FILE.png | recolour PLANES.exr -o FILE.png\n"
+    "  render             renders a scene of painted shapes\n"
+    "  recolour           another light, observer or paint for planes that were rendered\n"
+    "  --scene-reference  prints every key of a scene file\n"
+    "  goniorender COMMAND --help tells more; --version prints the version\n"
+    "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
 
 static int command_help(int argc, char **argv) {
     (void)argc;
@@ -35,10 +37,8 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"render", verb_render},
-    {"--scene-reference", command_reference},
-    {"--help", command_help},
-    {"--version", command_version},
+    {"render", verb_render},  {"recolour", verb_recolour},    {"--scene-reference", command_reference},
+    {"--help", command_help}, {"--version", command_version},
 };
 
 int main(int argc, char **argv) {

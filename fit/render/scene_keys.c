@@ -17,9 +17,9 @@
     }
 
 const char *const scene_models[] = {"lambert", "oren-nayar", "eq1", "composite", NULL};
-static const char *const observers[] = {"1931-2deg", "1964-10deg", NULL};
-static const char *const spaces[] = {"srgb", "display-p3", "adobe-rgb", NULL};
-static const char *const adaptations[] = {"none", "von-kries", "bradford", "cat16", NULL};
+const char *const scene_observers[] = {"1931-2deg", "1964-10deg", NULL};
+const char *const scene_spaces[] = {"srgb", "display-p3", "adobe-rgb", NULL};
+const char *const scene_adaptations[] = {"none", "von-kries", "bradford", "cat16", NULL};
 
 static const struct yaml_key material_keys[] = {
     {.name = "name",
@@ -147,9 +147,10 @@ static const struct yaml_key image_keys[] = {
     COUNT("width", width, 1, 16384, "400", "pixels"),
     COUNT("height", height, 1, 16384, "400", "pixels"),
     COUNT("grid", grid, 1, 64, "4", "grid x grid samples in each pixel"),
-    CHOICE("observer", observer, observers, "1931-2deg", "whose colour matching functions"),
-    CHOICE("space", space, spaces, "srgb", "the RGB space of the picture"),
-    CHOICE("adaptation", adaptation, adaptations, "bradford", "from the light's white to that of the space"),
+    CHOICE("observer", observer, scene_observers, "1931-2deg", "whose colour matching functions"),
+    CHOICE("space", space, scene_spaces, "srgb", "the RGB space of the picture"),
+    CHOICE("adaptation", adaptation, scene_adaptations, "bradford",
+           "from the light's white to that of the space"),
     {.name = "bits",
      .type = YAML_INT,
      .offset = AT_IMAGE(bits),

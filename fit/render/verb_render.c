@@ -9,14 +9,16 @@
 
 #include "fit/render/image.h"
 #include "fit/render/origin.h"
+#include "fit/render/planes_file.h"
 #include "fit/stopwatch.h"
 #include "proto/number.h"
 
 static const char help[] =
     "usage: goniorender render SCENE.yaml -o FILE.png [--report R.json] [--all-features] [--threads N]\n"
-    "                          [--session MATERIAL=FILE]...\n"
+    "                          [--session MATERIAL=FILE]... [--planes P.exr]\n"
     "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
+    "  --planes P.exr    a, b, c of each pixel, for goniorender recolour (not of a series)\n"
     "  --session M=FILE  this session for the material M, whatever the scene names\n"
     "  --report R.json   what the picture carries as its origin, and the seconds it took\n"
     "  --all-features    leaves nothing out that the scene does not need\n"
@@ -24,7 +26,7 @@ static const char help[] =
     "exit status: 0 done, 1 the work failed or was interrupted, 2 bad usage or bad input\n";
 
 struct options {
-    const char *scene, *output, *report;
+    const char *scene, *output, *report, *planes;
     struct render_options render;
     struct scene_session session[SCENE_PAINTS];
     int n_sessions;
@@ -39,29 +41,13 @@ static int take_threads(const char *text, struct options *o, struct err *e) {
     return 0;
 }
 
-/* Cuts the word at its first `=`; argv is ours. */
-static int take_session(char *text, struct options *o, struct err *e) {
-    char *equals = strchr(text, '=');
-    if (!equals || equals == text || !equals[1]) {
-        return err_set(e, ERR_USAGE, "--session is MATERIAL=FILE, not '%s'", text);
-    }
-    if (o->n_sessions == SCENE_PAINTS) {
-        return err_set(e, ERR_USAGE, "--session is given more than %d times", SCENE_PAINTS);
-    }
-    *equals = 0;
-    o->session[o->n_sessions++] = (struct scene_session){text, equals + 1};
-    return 0;
-}
-
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
-    static const struct option known[] = {{"output", required_argument, NULL, 'o'},
-                                          {"report", required_argument, NULL, 'r'},
-                                          {"all-features", no_argument, NULL, 'a'},
-                                          {"threads", required_argument, NULL, 't'},
-                                          {"session", required_argument, NULL, 's'},
-                                          {"help", no_argument, NULL, 'h'},
-                                          {NULL, 0, NULL, 0}};
+    static const struct option known[] = {
+        {"output", required_argument, NULL, 'o'},  {"report", required_argument, NULL, 'r'},
+        {"all-features", no_argument, NULL, 'a'},  {"threads", required_argument, NULL, 't'},
+        {"session", required_argument, NULL, 's'}, {"planes", required_argument, NULL, 'p'},
+        {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0}};
     int status = 0;
     optind = 1;
     for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
@@ -75,8 +61,11 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
         case 'a':
             o->render.all_features = true;
             break;
+        case 'p':
+            o->planes = optarg;
+            break;
         case 's':
-            status = take_session(optarg, o, e);
+            status = verb_session(optarg, o->session, &o->n_sessions, e);
             break;
         case 't':
             status = take_threads(optarg, o, e);
@@ -142,24 +131,33 @@ struct job { /* one call of the command */
     json_t *reports;
 };
 
+static json_t *times_json(const struct job *job, const struct render_report *report, double colour_s,
+                          double write_s) {
+    printf("time:     scene %.3f s, trace %.3f s with %d threads, colour %.3f s, file %.3f s\n", job->parse_s,
+           report->trace_s, report->threads, colour_s, write_s);
+    return json_pack("{s:f,s:f,s:f,s:f}", "parse", job->parse_s, "trace", report->trace_s, "colour", colour_s,
+                     "write", write_s);
+}
+
 static int write_picture(const struct job *job, const char *path, const struct render_report *report,
-                         const struct picture *picture, double colour_s, struct err *e) {
+                         const struct planes *planes, const struct picture *picture, double colour_s,
+                         struct err *e) {
     double started = stopwatch_s();
     json_t *origin = origin_make(job->scene, report, picture, job->line);
     char *text = origin ? json_dumps(origin, JSON_COMPACT) : NULL;
     int status =
         text ? image_write(path, picture, text, e) : err_set(e, ERR_NOMEM, "no memory for the origin");
-    double write_s = stopwatch_s() - started;
-    printf("time:     scene %.3f s, trace %.3f s with %d threads, colour %.3f s, file %.3f s\n", job->parse_s,
-           report->trace_s, report->threads, colour_s, write_s);
+    if (!status && job->options.planes) {
+        status = planes_save(job->options.planes, job->scene, planes, origin, e);
+    }
+    json_t *times = times_json(job, report, colour_s, stopwatch_s() - started);
     if (origin) {
-        json_object_set_new(origin, "seconds",
-                            json_pack("{s:f,s:f,s:f,s:f}", "parse", job->parse_s, "trace", report->trace_s,
-                                      "colour", colour_s, "write", write_s));
+        json_object_set(origin, "seconds", times);
         json_object_set_new(origin, "threads", json_integer(report->threads));
         json_object_set_new(origin, "picture", json_string(path));
         json_array_append_new(job->reports, origin);
     }
+    json_decref(times);
     free(text);
     return status;
 }
@@ -181,7 +179,7 @@ static int render_one(const struct job *job, const char *path, struct err *e) {
                picture.bits);
         features_print(&report.features, stdout);
         print_picture(job->scene, &picture, &report);
-        status = write_picture(job, path, &report, &picture, colour_s, e);
+        status = write_picture(job, path, &report, &planes, &picture, colour_s, e);
     }
     if (!status && report.counts.rows_done < planes.height) {
         status = err_set(e, ERR_CANCELLED, "interrupted: %s holds %d of %d rows", path,
@@ -226,6 +224,13 @@ int verb_render(int argc, char **argv) {
     if (!job.scene) {
         free(job.line);
         return verb_complain_all(&errors);
+    }
+    if (job.scene->n_pictures > 1 && job.options.planes) {
+        err_set(&e, ERR_USAGE, "--planes holds one picture; this scene is a series of %d",
+                job.scene->n_pictures);
+        free(job.line);
+        scene_free(job.scene);
+        return verb_complain("render", &e);
     }
     job.parse_s = stopwatch_s() - started;
     job.options.render.cancel = verb_cancel();

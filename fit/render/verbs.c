@@ -58,3 +58,16 @@ void verb_numbered(const char *path, int number, char *out, size_t size) {
     int stem = dot ? (int)(dot - path) : (int)strlen(path);
     snprintf(out, size, "%.*s-%03d%s", stem, path, number, dot ? dot : "");
 }
+
+int verb_session(char *text, struct scene_session session[SCENE_PAINTS], int *n, struct err *e) {
+    char *equals = strchr(text, '=');
+    if (!equals || equals == text || !equals[1]) {
+        return err_set(e, ERR_USAGE, "--session is MATERIAL=FILE, not '%s'", text);
+    }
+    if (*n == SCENE_PAINTS) {
+        return err_set(e, ERR_USAGE, "--session is given more than %d times", SCENE_PAINTS);
+    }
+    *equals = 0;
+    session[(*n)++] = (struct scene_session){text, equals + 1};
+    return 0;
+}

@@ -10,15 +10,19 @@
 
 #include <signal.h>
 
+#include "fit/render/scene.h"
 #include "proto/err.h"
 
 int verb_render(int argc, char **argv);
+int verb_recolour(int argc, char **argv);
 int verb_complain(const char *command, const struct err *e);
 int verb_complain_all(struct err_list *errors); /* prints, frees */
 /* Becomes 1 at the first SIGINT or SIGTERM after the call; the second ends the process. */
 const volatile sig_atomic_t *verb_cancel(void);
 /* The words as one line, as a person would type them; malloc. */
 char *verb_line(int argc, char **argv);
+/* One word MATERIAL=FILE of the command line, which it cuts at its first `=`. */
+int verb_session(char *text, struct scene_session session[SCENE_PAINTS], int *n, struct err *e);
 /* FILE-007.png for FILE.png, where a series has several pictures. */
 void verb_numbered(const char *path, int number, char *out, size_t size);
 

@@ -109,6 +109,23 @@ def test_threads_and_all_features_give_the_same_picture(folder):
     assert pixels[0] == pixels[1] == pixels[2] == pixels[3]
 
 
+def test_recolour_needs_no_scene(folder):
+    scene = small(folder, "cylinder.yaml")
+    assert run("render", scene, "-o", folder / "r.png", "--planes", folder / "p.exr")[0] == 0
+    scene.write_text(scene.read_text().replace("D65", "A"))
+    assert run("render", scene, "-o", folder / "a.png")[0] == 0
+    scene.unlink()
+    for words, like in ((["--spd", "D65"], "r.png"), (["--spd", "A"], "a.png")):
+        code, out, err = run("recolour", folder / "p.exr", "-o", folder / "c.png", *words)
+        assert code == 0, err
+        pixels = [[data for name, data in chunks(folder / p) if name == "IDAT"] for p in ("c.png", like)]
+        assert pixels[0] == pixels[1], words
+    assert origin_of(folder / "c.png")["rendered"]["materials"][0]["model"] == "composite"
+    for words in (["--spd", "X"], ["--spd", "A", "--spd", "A"], ["--space", "cmyk"], ["--session", "red=x.gonio"]):
+        code, out, err = run("recolour", folder / "p.exr", "-o", folder / "x.png", *words)
+        assert code == 2 and err and not (folder / "x.png").exists(), words
+
+
 def test_bad_input_starts_nothing(folder):
     bad = folder / "bad.yaml"
     bad.write_text("camera: {orthographic: {height_mm: 50}}\nlights:\n  - beam: {theta: 20}\n")
