@@ -5,7 +5,6 @@
 
 #define SPECTRUM_SCANS_MAX 1000
 #define MOVE_MAX_DEG 1000
-#define EXPOSURE_MAX_MS 100000 /* the model's own limit is less, and says so */
 #define BUS_TRIES 2
 #define BUS_PAUSE_US (700 * US_PER_MS) /* longer than the first pause before a link is opened again */
 #define GUESS_US (100 * US_PER_MS)
@@ -75,18 +74,32 @@ static int home(struct campaign *c, const struct desk_manual *m, json_t **out, s
     return result < 0 ? result : where(c, out, e);
 }
 
+/* What the config alone can tell is a mistake of the order: no link is opened for it. */
+static int check_angle(const struct campaign *c, const struct desk_manual *m, struct err *e) {
+    int which = stage_axis_find(m->axis);
+    const struct config_axis *axis = which < 0 ? NULL : instruments_axis(c->setup.config, which);
+    if (!(fabs(m->deg) <= MOVE_MAX_DEG)) /* beyond it, it could not be counted in microdegrees either */
+        return err_set(e, ERR_USAGE, "%g deg is no angle of an axis: at most %d deg to either side", m->deg,
+                       MOVE_MAX_DEG);
+    if (axis && axis->has_limits && !(m->deg >= axis->limits_deg[0] && m->deg <= axis->limits_deg[1]))
+        return err_set(
+            e, ERR_USAGE,
+            "%g deg is outside the limits of the %s axis, %g .. %g deg (config): nothing was moved", m->deg,
+            m->axis, axis->limits_deg[0], axis->limits_deg[1]);
+    return 0;
+}
+
 static int move(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
     struct stage_target target = {0};
     struct stage_reading reading;
     int which;
-    int result = open_axis(c, m->axis, &which, e);
+    int result = check_angle(c, m, e);
+    if (result == 0)
+        result = open_axis(c, m->axis, &which, e);
     if (result == 0)
         result = ready_axis(c, which, e);
     if (result < 0)
         return result;
-    if (!(fabs(m->deg) <= MOVE_MAX_DEG)) /* beyond it, it could not be counted in microdegrees either */
-        return err_set(e, ERR_RANGE, "%g deg is no angle of an axis: at most %d deg to either side", m->deg,
-                       MOVE_MAX_DEG);
     target.used[which] = true;
     target.udeg[which] = udeg_from_deg(m->deg);
     struct axis *axis = c->instruments.stage.axis[which];
@@ -145,9 +158,11 @@ static json_t *spectrum_json(const struct campaign *c, const struct frame *frame
 
 static int spectrum(struct campaign *c, const struct desk_manual *m, json_t **out, struct err *e) {
     int n = m->average > 0 ? m->average : 1;
-    if (!(m->exposure_ms >= 0 && m->exposure_ms <= EXPOSURE_MAX_MS))
-        return err_set(e, ERR_RANGE, "an exposure of %g ms is not possible: above 0, and at most %d ms",
-                       m->exposure_ms, EXPOSURE_MAX_MS);
+    double least_ms = c->instruments.model->min_exposure_us / 1e3,
+           most_ms = c->instruments.model->max_exposure_us / 1e3;
+    if (m->exposure_ms != 0 && !(m->exposure_ms >= least_ms && m->exposure_ms <= most_ms))
+        return err_set(e, ERR_USAGE, "an exposure of %g ms is outside what a %s can: %g .. %g ms",
+                       m->exposure_ms, c->instruments.model->title, least_ms, most_ms);
     int exposure_us = (int)(m->exposure_ms * US_PER_MS);
     if (n > SPECTRUM_SCANS_MAX)
         return err_set(e, ERR_USAGE, "an average of %d scans is too long: at most %d", n, SPECTRUM_SCANS_MAX);

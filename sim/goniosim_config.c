@@ -13,6 +13,8 @@
 #define PLACE(member) offsetof(struct goniosim_place, member)
 #define TEXT(member) sizeof(((struct goniosim_place *)0)->member)
 
+static const char *const EEPROMS[] = {"good", "blank", "corrupt", NULL};
+
 static const struct yaml_key SPECTROMETER[] = {
     {.name = "model",
      .type = YAML_STRING,
@@ -26,6 +28,12 @@ static const struct yaml_key SPECTROMETER[] = {
      .size = 15,
      .default_text = "USB2+SIM001",
      .doc = "as in EEPROM slot 0"},
+    {.name = "eeprom",
+     .type = YAML_CHOICE,
+     .offset = AT(bench.eeprom),
+     .choices = EEPROMS,
+     .default_text = "good",
+     .doc = "blank: never written; corrupt: a wavelength coefficient is damaged"},
     {.name = "bend",
      .type = YAML_DOUBLE,
      .offset = AT(bench.bend),

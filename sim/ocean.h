@@ -89,5 +89,7 @@ void ocean_request(struct ocean *o, int64_t now_us);
 int64_t ocean_next_us(const struct ocean *o);
 /* ocean_eeprom.c */
 void ocean_eeprom_fill(struct ocean *o, const char *serial);
+void ocean_eeprom_blank(struct ocean *o);
+void ocean_eeprom_corrupt(struct ocean *o);
 
 #endif

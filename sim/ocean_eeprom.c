@@ -54,3 +54,13 @@ void ocean_eeprom_fill(struct ocean *o, const char *serial) {
     saturation(o);
     text(o, SLOT_BAUD, "9600");
 }
+
+/* As the chip comes from its maker. */
+void ocean_eeprom_blank(struct ocean *o) {
+    memset(o->eeprom, 0xFF, sizeof o->eeprom);
+}
+
+/* A decimal point that has become a digit: the wavelengths run away. */
+void ocean_eeprom_corrupt(struct ocean *o) {
+    text(o, SLOT_WAVELENGTH + 1, "03801456");
+}

@@ -118,6 +118,10 @@ int sim_bench_new(struct sim_bench **bench, const struct sim_config *config, str
     for (int i = 0; i < config->n_axes; i++)
         add_unit(b, &config->axis[i]);
     ocean_init(&b->ocean, model, config->serial, &(struct ocean_bench){b, frame, lamp});
+    if (config->eeprom == SIM_EEPROM_BLANK)
+        ocean_eeprom_blank(&b->ocean);
+    else if (config->eeprom == SIM_EEPROM_CORRUPT)
+        ocean_eeprom_corrupt(&b->ocean);
     *bench = b;
     return 0;
 }

@@ -27,6 +27,7 @@
 #define SIM_POSITIONS 8
 
 enum sim_filling { SIM_VIEW_IN_BEAM, SIM_BEAM_IN_VIEW };
+enum sim_eeprom { SIM_EEPROM_GOOD, SIM_EEPROM_BLANK, SIM_EEPROM_CORRUPT };
 
 struct sim_surface {
     char name[48];
@@ -58,6 +59,7 @@ struct sim_config {
     uint64_t seed;
     char spectrometer[24]; /* usb2000plus | usb4000 */
     char serial[24];
+    int eeprom; /* enum sim_eeprom: blank = never written, corrupt = a digit of a wavelength lost */
     enum sim_filling filling;
     double beam_mm, view_mm;
     double lamp_drift_rate; /* relative variance per second */

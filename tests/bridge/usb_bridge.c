@@ -1,11 +1,13 @@
-/* A USB device for libusb that is not there: usb_bridge LINK VID:PID -- PROGRAM ARG...
+/* A USB device for libusb that is not there: usb_bridge LINK VID:PID[,denied|,busy] -- PROGRAM ARG...
  *
  * PROGRAM runs under umockdev, which shows it one USB spectrometer (spectrometer-ocean.md 2.1: one interface, bulk
  * endpoints 01, 82, 86, 81) and hands every usbfs request of its libusb to this process. Bulk transfers go on to LINK, a
  * usb_link of goniosim; so that goniod's link over libusb meets the same instrument as its link over usbredir.
- * SIGTERM is passed on; the exit status is PROGRAM's. */
+ * denied: its node may be opened by nobody, and PROGRAM runs without root's right to open it all the same; busy: another
+ * program has claimed its interface. SIGTERM is passed on; the exit status is PROGRAM's. */
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/capability.h>
 #include <linux/usbdevice_fs.h>
 #include <poll.h>
 #include <signal.h>
@@ -13,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <umockdev.h>
@@ -41,6 +44,7 @@ static struct {
     int fifo;
     bool holds_back; /* a byte lies in the FIFO: the node does not look ready */
     bool gone;
+    bool denied, busy;
 } bridge;
 
 static volatile sig_atomic_t child;
@@ -162,6 +166,7 @@ static int request(gulong code, UMockdevIoctlData *arg) {
     case USBDEVFS_GET_CAPABILITIES:
         return capabilities(arg);
     case USBDEVFS_CLAIMINTERFACE:
+        return bridge.busy ? EBUSY : 0;
     case USBDEVFS_RELEASEINTERFACE:
     case USBDEVFS_SETCONFIGURATION:
     case USBDEVFS_SETINTERFACE:
@@ -255,6 +260,8 @@ static void make_fifo(UMockdevTestbed *testbed) {
         perror("usb_bridge: mkfifo");
     bridge.fifo = open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
     fcntl(bridge.fifo, F_SETPIPE_SZ, 4096);
+    if (bridge.denied)
+        chmod(path, 0);
     show_ready(false);
     g_free(path);
 }
@@ -284,6 +291,10 @@ static void start_child(char **argv) {
     child = fork();
     if (child == 0) {
         setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
+        if (bridge.denied && geteuid() == 0) {
+            prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0);
+            prctl(PR_CAPBSET_DROP, CAP_DAC_READ_SEARCH, 0, 0, 0);
+        }
         execv(argv[0], argv);
         perror(argv[0]);
         _exit(127);
@@ -295,9 +306,11 @@ int main(int argc, char **argv) {
     unsigned vid, pid;
     int status = 0;
     if (argc < 5 || sscanf(argv[2], "%x:%x", &vid, &pid) != 2 || strcmp(argv[3], "--") != 0) {
-        fprintf(stderr, "usage: usb_bridge LINK VID:PID -- PROGRAM ARG...\n");
+        fprintf(stderr, "usage: usb_bridge LINK VID:PID[,denied|,busy] -- PROGRAM ARG...\n");
         return 2;
     }
+    bridge.denied = strstr(argv[2], ",denied") != NULL;
+    bridge.busy = strstr(argv[2], ",busy") != NULL;
     clock_init_real(&bridge.clock);
     if (usb_link_open(&bridge.link, argv[1], (uint16_t)vid, (uint16_t)pid, NULL, &bridge.clock, &e) < 0) {
         fprintf(stderr, "usb_bridge: %s\n", e.text);

@@ -1,17 +1,19 @@
 """Bad input as a person meets it: through the programs, on the command line. Each must get a sentence that says where,
 what was expected and what to do, the right exit status, and no crash; nothing may be started or lost.
 
-What needs no program is tested closer to its code: EEPROM blank or corrupt (unit/test_spectrometer_eeprom.c), USB without
-permission (unit/test_usb_link.c), a profile that does not fit (scenario/test_commission.c), alarms (scenario/test_motion.c).
+USB without permission, and in use by another program: wire/test_libusb_wire.c, which can pretend a USB.
 """
 import json
 import os
 import re
 import shutil
+import socketserver
 import sqlite3
+import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -82,8 +84,10 @@ class Place:
             time.sleep(0.05)
         raise AssertionError("goniod does not answer")
 
-    def goniosim(self):
-        sim = subprocess.Popen([f"{BUILD}/goniosim"], cwd=self.folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+    def goniosim(self, bench=""):
+        self.write("sim.yaml", bench)
+        option = ["--config", "sim.yaml"] if bench else []
+        sim = subprocess.Popen([f"{BUILD}/goniosim", *option], cwd=self.folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                text=True)
         self.running.append(sim)
         return json.loads(sim.stdout.readline())
@@ -136,6 +140,12 @@ def a_command_line_that_is_none(place):
     found += said(place.run("goniod", "--simulate", "--sessions", "no/such/folder"), 1, "no/such/folder", "folder above")
     found += said(place.run("goniod", "--simulate", "--socket", "no/such.sock"), 1, "no/such.sock")
     found += said(place.run("goniod", "--simulate", "--socket", "x" * 120), 2, "longer than")
+    found += said(place.run("goniod", "--bench", "x.yaml"), 2, "--bench belongs to --simulate")
+    found += said(place.run("goniod", "--simulate", "--bench", "absent.yaml"), 2, "absent.yaml")
+    place.write("truth.yaml", "holder:\n  - {name: sample, deg: 0, brdf: absent.brdf, paint: Cadmium Red}\n  - {nam: x}\n")
+    found += said(place.run("goniod", "--simulate", "--bench", "truth.yaml"), 2, r"truth\.yaml:3:\d+", "did you mean 'name'")
+    place.write("truth.yaml", "holder:\n  - {name: sample, deg: 0, brdf: absent.brdf}\n")
+    found += said(place.run("goniod", "--simulate", "--bench", "truth.yaml", "--check-config"), 2, "absent.brdf")
     found += said(place.run("gonioctl", "shwo"), 2, "did you mean 'show'")
     found += said(place.run("gonioctl", "show", "--dmup"), 2, "no option --dmup")
     found += said(place.run("gonioctl", "move", "source"), 2, "needs AXIS DEG")
@@ -201,10 +211,10 @@ def orders_that_cannot_be(place):
     place.start("--simulate")
     found = []
     for args, status, words in [
-            (["move", "tilt", "3"], 2, "no axis"), (["move", "source", "400"], 1, "outside its limits"),
-            (["move", "source", "1e99"], 1, "no angle"), (["home", "sampel"], 2, "no axis"),
+            (["move", "tilt", "3"], 2, "no axis"), (["move", "source", "400"], 2, "outside the limits.*-70 .. 140 deg"),
+            (["move", "source", "1e99"], 2, "no angle"), (["home", "sampel"], 2, "no axis"),
             (["spectrum", "--average", "0"], 2, "above 0"), (["spectrum", "--average", "1e99"], 2, "too long"),
-            (["spectrum", "--exposure", "1e9"], 1, "not possible"), (["spectrum", "--exposure", "0.01"], 1, "outside"),
+            (["spectrum", "--exposure", "1e9"], 2, "outside"), (["spectrum", "--exposure", "0.01"], 2, "outside"),
             (["pause"], 1, "no campaign is running"), (["continue"], 1, "nothing waits"),
             (["resume"], 1, "no campaign is paused"), (["resume", "../x"], 2, "not by a path"),
             (["resume", "x"], 2, "no session x")]:
@@ -261,6 +271,79 @@ def a_full_disk(place):
     return found + ["the resumed campaign does not end"]
 
 
+def a_disk_that_is_full(place):
+    """A file system of 3 MB of its own; where none may be mounted, the limit on files above is all that is tested."""
+    disk = place.folder / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", disk], capture_output=True).returncode:
+        print("# no right to mount: the full disk is only imitated by a limit on the size of files")
+        return []
+    try:
+        place.write("long.yaml", JOB.replace("step: 20", "step: 2"))
+        place.env["GONIOD_SESSIONS"] = str(disk / "s")
+        place.start("--simulate")
+        found = said(place.run("gonioctl", "run", "--wait", "long.yaml"), 1, "failed: .*no space left for the session")
+        status = json.loads(place.run("gonioctl", "status", "--json").stdout)
+        found += [] if status["state"] == "failed" and status["lamp"] is False else [f"not parked: {status}"]
+        # Nothing of the next session fits either: it must not leave a name behind.
+        before = sorted(p.name for p in (disk / "s").glob("*.gonio"))
+        (disk / "ballast").write_bytes(b"")
+        with open(disk / "ballast", "wb", buffering=0) as ballast:
+            while ballast_grows(ballast):
+                pass
+        found += said(place.run("gonioctl", "run", "--wait", "long.yaml"), 1, "no space left|disk")
+        after = sorted(p.name for p in (disk / "s").glob("*.gonio"))
+        found += [f"left behind: {set(after) - set(before)}"] if after != before else []
+        (disk / "ballast").unlink()
+        place.end()
+        return found + said(place.run("gonioctl", "verify", before[0][:-6]), 0, "sound")
+    finally:
+        subprocess.run(["umount", "-l", disk], check=True)
+
+
+def ballast_grows(ballast):
+    try:
+        return ballast.write(b"x" * 4096) > 0
+    except OSError:
+        return False
+
+
+def a_network_file_system(place):
+    env = dict(place.env, LD_PRELOAD=f"{BUILD}/tests/preload/network.so", NETWORK_FOLDER="/net")
+    for folder in ("net", "local"):
+        (place.folder / folder).mkdir()
+    if "libasan" in subprocess.run(["ldd", f"{BUILD}/goniod"], capture_output=True, text=True).stdout:
+        print("# under a sanitizer nothing may be loaded before its library")
+        return []
+    command = [f"{BUILD}/goniod", "--simulate", "--sessions", str(place.folder / "net")]
+    done = subprocess.run(command, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=LIMIT_S)
+    found = said(done, 2, "lies on NFS", "local disk", "--sessions")
+    return found + ([f"left behind: {list((place.folder / 'net').iterdir())}"] if any((place.folder / "net").iterdir()) else [])
+
+
+class OtherDrive(socketserver.BaseRequestHandler):
+    """A drive that is no AZ: it refuses every register it has not (exception 2), and has none of theirs."""
+
+    def handle(self):
+        while len(head := self.request.recv(7, 0x100)) == 7:  # MSG_WAITALL
+            number, _, length, unit = struct.unpack(">HHHB", head)
+            function = self.request.recv(length - 1, 0x100)[0]
+            self.request.sendall(struct.pack(">HHHBBB", number, 0, 3, unit, function | 0x80, 2))
+
+
+def another_drive(place):
+    sim = place.goniosim()
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), OtherDrive) as server:
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        bus = f"tcp:127.0.0.1:{server.server_address[1]}"
+        found = ask_bench(place, bench("usb2000plus", sim["spectrometer"], bus),
+                          (["devices"], 0, ["unit 1 .*refuses \\(exception 2", "right profile"]),
+                          (["move", "source", "3"], 1, ["right profile"]))
+        server.shutdown()
+    return found
+
+
 def bench(spectrometer, link, bus, unit=1, serial=""):
     return f"""\
 spectrometer: {{model: {spectrometer}, link: "{link}"{serial}}}
@@ -304,6 +387,38 @@ def instruments_that_do_not_answer(place):
                              (["where"], 1, ["/dev/no-such-tty", "plugged in"]))
 
 
+def a_spectrometer_without_its_calibration(place):
+    found = []
+    for state, words in [("blank", ["EEPROM slot 1 ", "blank or damaged", "by the maker"]),
+                         ("corrupt", ["EEPROM reach", "expected to ascend", "damaged"])]:
+        sim = place.goniosim(f"spectrometer: {{eeprom: {state}}}\n")
+        bus = next(m for m in sim["modbus"] if m.startswith("tcp:"))
+        found += ask_bench(place, bench("usb2000plus", sim["spectrometer"], bus),
+                           (["spectrum", "--exposure", "10", "-o", "x.csv"], 1, words), (["devices"], 0, words[:1]))
+        found += ["a spectrum was written all the same"] if (place.folder / "x.csv").exists() else []
+        place.end()
+    return found
+
+
+def drives_in_trouble(place):
+    """A limit switch in the way, whose alarm stays until a person has looked; then a unit that answers nothing."""
+    sim = place.goniosim("axes:\n  - {role: source, unit: 1, switch_low_deg: -30, switch_high_deg: 10}\n"
+                         "  - {role: sample, unit: 2}\n  - {role: holder, unit: 3}\n")
+    bus = next(m for m in sim["modbus"] if m.startswith("tcp:"))
+    found = ask_bench(place, bench("usb2000plus", sim["spectrometer"], bus),
+                      (["move", "source", "3"], 1, ["position is not known", "gonioctl home source"]),
+                      (["home", "source"], 0, []), (["move", "source", "20"], 1, ["alarm 6[67]h"]),
+                      (["devices"], 0, ["unit 1 .*answers, with alarm 6[67]h: ", "unit 2 .*answers"]))
+    place.end()
+    sim = place.goniosim("axes:\n  - {role: source, unit: 1}\n  - {role: sample, unit: 2, mute: true}\n"
+                         "  - {role: holder, unit: 3}\n")
+    bus = next(m for m in sim["modbus"] if m.startswith("tcp:"))
+    return found + ask_bench(place, bench("usb2000plus", sim["spectrometer"], bus),
+                             (["devices"], 0, ["unit 2 .*did not answer", "unit 3 .*answers"]),
+                             (["move", "sample", "3"], 1, ["axis sample: unit 2 .*did not answer", "power", "unit number"]),
+                             (["run", "--wait", edited(place, "job.yaml")], 1, ["commission"]))
+
+
 def two_daemons(place):
     sim = place.goniosim()
     bus = next(m for m in sim["modbus"] if m.startswith("rtu:"))
@@ -323,7 +438,8 @@ def two_daemons(place):
 
 
 TESTS = [a_config_that_is_none, a_command_line_that_is_none, a_job_that_is_none, a_job_that_cannot_be,
-         orders_that_cannot_be, sessions_that_are_none, a_full_disk, instruments_that_do_not_answer, two_daemons]
+         orders_that_cannot_be, sessions_that_are_none, a_full_disk, a_disk_that_is_full, a_network_file_system,
+         instruments_that_do_not_answer, another_drive, a_spectrometer_without_its_calibration, drives_in_trouble, two_daemons]
 
 
 def main():

@@ -99,11 +99,38 @@ static void an_instrument_that_is_unplugged(void **state) {
     laboratory_expect(&lab, 0, "state", NULL, "status", "--json", NULL);
 }
 
+/* Somebody else's device, and one that another program holds: said by the order that needs it, and by `devices`. */
+static void refused(const char *ids, const char *said_by_spectrum, const char *said_by_devices) {
+#ifdef __SANITIZE_ADDRESS__
+    skip();
+#endif
+    const struct laboratory_choice choice = {.spectrometer = "usb", .bridged = ids};
+    if (!bridge_is_there())
+        skip();
+    laboratory_open(&lab, &choice);
+    laboratory_goniod_start(&lab);
+    laboratory_expect(&lab, 1, said_by_spectrum, NULL, "spectrum", "--json", NULL);
+    laboratory_expect(&lab, 0, said_by_devices, NULL, "devices", NULL);
+    laboratory_expect(&lab, 0, "\"state\":\"idle\"", NULL, "status", "--json", NULL);
+}
+
+static void an_instrument_without_permission(void **state) {
+    (void)state;
+    refused("2457:101e,denied", "udev rule", "no permission");
+}
+
+static void an_instrument_that_another_program_holds(void **state) {
+    (void)state;
+    refused("2457:101e,busy", "another program", "another program");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_teardown(a_usb2000plus, close_lab),
         cmocka_unit_test_teardown(a_usb4000, close_lab),
         cmocka_unit_test_teardown(an_instrument_that_is_unplugged, close_lab),
+        cmocka_unit_test_teardown(an_instrument_without_permission, close_lab),
+        cmocka_unit_test_teardown(an_instrument_that_another_program_holds, close_lab),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
