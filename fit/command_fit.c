@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "fit/aperture.h"
+#include "fit/choice.h"
 #include "fit/joint_fit.h"
 #include "fit/points_option.h"
 #include "fit/reflectance.h"
@@ -19,7 +20,7 @@ static const char help[] =
 static const char help_of_fit[] =
     "  --model MODEL       lambert, oren-nayar, eq1, composite (default), heavy-tail, transmitted, "
     "two-lobe,\n"
-    "                      or all of them, best BIC first\n"
+    "                      or all of them, best first: which the data need, by BIC and by cross-validation\n"
     "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
     "  --joint             also one fit of all bands together: shared shape parameters, S of each band\n"
     "  --beta-prime-per-band  the same with one beta' for each band\n"
@@ -130,6 +131,7 @@ struct result {
     const char *file;
     struct points_report report;
     struct mask mask;
+    struct choice choice; /* of several models; its text is empty for one alone */
 };
 
 static void print_limit(const struct estimate *m, int p) {
@@ -225,6 +227,10 @@ static json_t *result_to_json(const struct result *r, bool paper) {
     if (r->has_joint) {
         json_object_set_new(json, "joint", joint_to_json(&r->joint));
     }
+    if (r->choice.text[0]) {
+        json_object_set_new(json, "choice", json_string(r->choice.text));
+        json_object_set_new(json, "recommended", json_boolean(r->choice.recommended));
+    }
     if (paper) {
         json_object_set_new(json, "S_paper", json_real(M_PI * r->estimate.value[MATERIAL_S]));
     }
@@ -240,14 +246,30 @@ static int fit_joint(struct fitset *data, const struct options *o, struct result
     return status;
 }
 
-/* Best first; those without an estimate last. */
-static int by_bic(const void *a, const void *b) {
-    const struct estimate *x = &((const struct result *)a)->estimate,
-                          *y = &((const struct result *)b)->estimate;
-    if (x->converged != y->converged) {
-        return x->converged ? -1 : 1;
+/* Best first, each with what speaks for it. */
+static int rank(struct result *results, int n, bool u_stated, struct err *e) {
+    struct choice *choice = calloc((size_t)n, sizeof *choice);
+    struct result *sorted = calloc((size_t)n, sizeof *sorted);
+    int status = choice && sorted ? 0 : err_set(e, ERR_NOMEM, "no memory to compare %d models", n);
+    for (int i = 0; i < n && !status; i++) {
+        choice[i] = (struct choice){.estimate = &results[i].estimate, .u_stated = u_stated};
     }
-    return (x->bic > y->bic) - (x->bic < y->bic);
+    if (!status) {
+        choice_rank(choice, (size_t)n);
+        for (int i = 0; i < n; i++) {
+            int from = 0;
+            while (choice[i].estimate != &results[from].estimate) {
+                from++;
+            }
+            sorted[i] = results[from];
+            sorted[i].choice = choice[i];
+            sorted[i].estimate.bic = isfinite(choice[i].bic) ? choice[i].bic : sorted[i].estimate.bic;
+        }
+        memcpy(results, sorted, (size_t)n * sizeof *sorted);
+    }
+    free(choice);
+    free(sorted);
+    return status;
 }
 
 /* What the command line says goes before what a session says. */
@@ -263,6 +285,7 @@ static int fit_models(const char *path, const struct options *o, struct result *
     fitset_init(&data);
     int status = points_read(path, &o->points, &data, &report, errors), first = *n;
     data.input.unweighted = o->unweighted;
+    data.input.cross_validate = !o->model;
     take_given(&data.input, o);
     if (o->paper) {
         data.input.kappa = M_PI;
@@ -290,33 +313,67 @@ static int fit_models(const char *path, const struct options *o, struct result *
             err_list_add(errors, &e);
         }
     }
+    struct err e = {0};
+    if (!status && !o->model && rank(results + first, *n - first, data.has_u && !o->unweighted, &e)) {
+        err_list_add(errors, &e);
+    }
     fitset_free(&data);
-    qsort(results + first, (size_t)(*n - first), sizeof *results, by_bic);
     return status;
 }
 
-static int print_results(const struct result *results, int n, const struct options *o) {
-    int status = 0;
-    json_t *all = json_array();
+/* The models of one file side by side, ahead of their parameters. */
+static void print_comparison(const struct result *results, int n) {
+    printf("%s: %d models compared\n  %-11s %2s %10s %10s %9s\n", results->file, n, "", "k", "BIC",
+           "left out", "median");
     for (int i = 0; i < n; i++) {
-        if (o->json) {
-            json_array_append_new(all, result_to_json(&results[i], o->paper));
+        const struct estimate *m = &results[i].estimate;
+        if (m->converged) {
+            printf("  %-11s %2d %10.1f %10.3g %8.2f%%  %s\n", m->model, m->n_parameters,
+                   results[i].choice.bic, m->loio, 100 * m->median_relative_error, results[i].choice.text);
         } else {
-            print_text(&results[i], o->paper);
-            print_joint(&results[i]);
+            printf("  %-11s %2d  no estimate: %s\n", m->model, m->n_parameters, m->refusal);
         }
+    }
+    printf("  BIC counts %.0f of %d points as independent; left out: rms error of an incidence that the fit "
+           "has not "
+           "seen\n\n",
+           results->estimate.n_effective, results->estimate.n_points);
+}
+
+/* Of several models only the best is shown in full as text; JSON has them all. */
+static void print_file(const struct result *results, int n, bool paper, json_t *all) {
+    for (int i = 0; i < n && all; i++) {
+        json_array_append_new(all, result_to_json(&results[i], paper));
+    }
+    if (!all && n > 1) {
+        print_comparison(results, n);
+    }
+    if (!all) {
+        print_text(results, paper);
+        print_joint(results);
+    }
+    for (int i = 0; i < n; i++) {
         if (results[i].has_joint && !results[i].joint.converged) {
-            status = 1;
             fprintf(stderr, "goniofit fit: %s: %s: no joint fit: %s\n", results[i].file,
                     results[i].estimate.model, results[i].joint.refusal);
         }
         if (!results[i].estimate.converged) {
-            status = 1;
             fprintf(stderr, "goniofit fit: %s: %s: %s\n", results[i].file, results[i].estimate.model,
                     results[i].estimate.refusal);
         }
     }
-    if (o->json) {
+}
+
+/* n results, of each file per_file; 1 where a file has no estimate. */
+static int print_results(const struct result *results, int n, int per_file, const struct options *o) {
+    int status = 0;
+    json_t *all = o->json ? json_array() : NULL;
+    for (int i = 0; i < n; i += per_file) {
+        print_file(&results[i], per_file, o->paper, all);
+        bool whole = results[i].estimate.converged && (!results[i].has_joint || results[i].joint.converged);
+        status = whole ? status : 1;
+    }
+    if (all) {
         json_dumpf(n == 1 ? json_array_get(all, 0) : all, stdout, JSON_INDENT(1) | JSON_REAL_PRECISION(17));
         putchar('\n');
     }
@@ -340,7 +397,8 @@ int command_fit(int argc, char **argv) {
     for (int i = optind; i < argc; i++) {
         fit_models(argv[i], &options, results, &n, &errors);
     }
-    status = errors.n ? command_complain_all(&errors) : print_results(results, n, &options);
+    status = errors.n ? command_complain_all(&errors)
+                      : print_results(results, n, options.model ? 1 : REFLECTANCE_MODELS, &options);
     for (int i = 0; i < n; i++) {
         joint_free(&results[i].joint);
     }

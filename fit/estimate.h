@@ -86,6 +86,7 @@ struct estimate_input {
      * of beta' stays: it is none of beta' but of A (coordinates.h). */
     const double (*bound)[2];
     const double *band_cov_next; /* [n * BANDS] covariance of a band with the next one, NaN = none; or NULL */
+    bool cross_validate;         /* estimate.loio is wanted */
 };
 
 int estimate_fit(const struct estimate_input *input, struct estimate *estimate, struct err *e);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "fit/advice.h"
+#include "fit/crossval.h"
 #include "fit/limit.h"
 #include "fit/misfit.h"
 #include "fit/profile.h"
@@ -139,10 +140,15 @@ int Verdict::fill_quality(struct err *e) {
     int status = judge_misfit(scaled, e);
     const double n = static_cast<double>(p_->n), worth = misfit_.n_effective;
     out_->chi2 = in_->u_ind ? scaled : n - k_;
-    out_->bic = quality_bic(scaled, n, worth, k_, in_->u_ind != nullptr);
+    const bool in_u = in_->u_ind && !in_->unweighted;
+    out_->bic = quality_bic(in_u ? scaled : problem_chi2(p_), n, worth, k_, in_u);
+    out_->n_effective = worth;
     out_->r2 = quality_r2(p_);
     out_->q = p_->optics.q;
     out_->specular_energy = quality_specular_energy(p_->model, fit_->value);
+    if (in_->cross_validate && crossval_loio(p_, &fit_->best, &out_->loio, nullptr)) {
+        out_->loio = 0;
+    }
     return status ? status : quality_median_error(p_, &out_->median_relative_error, e);
 }
 
@@ -338,7 +344,7 @@ void Verdict::warn_physics() {
     }
     if (out_->specular_energy > 1) {
         words_warn(out_,
-                   "specular energy w = %.3g: the lobe would return more light than it receives (w > 1)",
+                   "specular energy w = %.3g: the lobes would return more light than they receive (w > 1)",
                    out_->specular_energy);
     }
 }

@@ -61,8 +61,10 @@ struct estimate {
     double kappa, q;
     int mean_low_nm, mean_high_nm;
     double chi2, bic, r2, median_relative_error, specular_energy;
-    double condition; /* of the column-normalised weighted Jacobian; 0: not known */
-    int iterations;   /* of the solver, over all its starts and passes */
+    double condition;   /* of the column-normalised weighted Jacobian; 0: not known */
+    int iterations;     /* of the solver, over all its starts and passes */
+    double n_effective; /* points the residuals are worth, as bic counts them; 0: not known */
+    double loio;        /* rms error of an incidence left out, in u (fit/crossval.h); 0: not known */
     bool has_spectrum;
     int band_first, band_last; /* bands actually measured */
     double s_lambda[BANDS], u_s_lambda[BANDS];
