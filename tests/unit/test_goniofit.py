@@ -139,6 +139,12 @@ def test_models_are_ranked(folder):
     bics = [f["bic"] for f in fits]
     assert bics == sorted(bics)
     assert any("does not fit" in w for w in fits[-1]["warnings"])
+    assert [f["recommended"] for f in fits] == [True] + 6 * [False]
+    assert fits[0]["loio"] < 2 < 10 * fits[0]["loio"] < fits[-1]["loio"]
+    tail = next(f for f in fits if f["model"] == "heavy-tail")
+    assert "tail is not needed" in tail["choice"] and "median error" in tail["choice"]
+    code, out, err = run("fit", path, "--model", "all")
+    assert code == 0 and "recommended: S, sigma, gamma, beta_prime, n" in out and "too simple, without" in out
 
 
 def test_files_of_others_are_read(folder):
