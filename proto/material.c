@@ -31,6 +31,8 @@ static const struct {
     {"r2", offsetof(struct estimate, r2)},
     {"median_relative_error", offsetof(struct estimate, median_relative_error)},
     {"condition", offsetof(struct estimate, condition)},
+    {"n_effective", offsetof(struct estimate, n_effective)},
+    {"loio", offsetof(struct estimate, loio)},
     {"specular_energy", offsetof(struct estimate, specular_energy)},
     {"source_width_deg", offsetof(struct estimate, source_width_deg)},
     {"sensor_width_deg", offsetof(struct estimate, sensor_width_deg)},
