@@ -22,7 +22,8 @@
 struct tap {
     pthread_t thread;
     pthread_mutex_t lock;
-    atomic_bool over, mute;
+    atomic_bool over;
+    atomic_int mute; /* a unit, or TAP_... */
     int listener, port;
     int n;
     struct tap_request note[NOTES];
@@ -72,7 +73,8 @@ static bool relay(struct tap *t, struct stream *s, int from, int to, bool reques
             break;
         if (requests)
             note(t, s->data, size);
-        if (requests || !atomic_load(&t->mute))
+        int mute = atomic_load(&t->mute);
+        if (requests || (mute != TAP_EVERYBODY && mute != s->data[6]))
             if (send(to, s->data, size, MSG_NOSIGNAL) != (ssize_t)size)
                 return false;
         s->n -= size;
@@ -130,8 +132,8 @@ void tap_close(struct tap *t) {
     free(t);
 }
 
-void tap_mute(struct tap *t, bool mute) {
-    atomic_store(&t->mute, mute);
+void tap_mute(struct tap *t, int unit) {
+    atomic_store(&t->mute, unit);
 }
 
 int tap_requests(struct tap *t, struct tap_request *to, int max) {
