@@ -43,8 +43,8 @@ void campaign_free(struct campaign *campaign);
 /* Serves orders and runs jobs until COMMAND_INTERRUPT has been obeyed. */
 int campaign_serve(struct campaign *campaign);
 
-/* Reads and plans a job without touching a device: plan_to_json with "text" for people, or NULL with all mistakes.
- * Any thread. */
+/* Reads and plans a job without touching a device: plan_to_json with "forecast" (plan_forecast.h) and with "text"
+ * for people, or NULL with all mistakes. Any thread. */
 struct json_t *campaign_check(void *campaign, const struct desk_run *run, struct err_list *errors);
 
 /* For scripts of a test, inside bench_wait: where the run stands. */

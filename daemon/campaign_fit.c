@@ -322,9 +322,7 @@ static void put_drift(FILE *out, const struct question *q) {
 }
 
 static double u_repeat_deg(const struct campaign *c, enum stage_axis which) {
-    const struct config_axis *a = instruments_axis(c->setup.config, which);
-    const struct profile *p = c->instruments.profile[which];
-    return a->u_repeat_deg > 0 ? a->u_repeat_deg : p ? p->u_repeat_deg : 0;
+    return instruments_u_repeat_deg(c->setup.config, which, c->instruments.profile[which]);
 }
 
 /* The settings of a question, which also go into the session: `goniofit fit S` asks the same. */

@@ -1,6 +1,7 @@
 /* Orders from the desk, taken inside bench_wait: each is looked up in campaign_table, raises a request, and gets its
  * outcome at once. Nothing here waits. */
 #include "daemon/campaign_private.h"
+#include "daemon/plan_forecast.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -90,6 +91,20 @@ int campaign_job_plan(const struct campaign *c, const char *file, const char *te
     return result;
 }
 
+/* What the job's angles will tell; a job that cannot be forecast is a job all the same. */
+static void add_forecast(const struct campaign *c, const struct campaign_job *job, json_t *plan, FILE *out) {
+    struct plan_devices devices = {0};
+    struct err e = {0};
+    instruments_plan_devices(&c->instruments, &devices);
+    json_t *forecast = plan_forecast(&job->plan, &job->job, c->setup.config, &devices, &e);
+    if (forecast) {
+        plan_forecast_print(forecast, out);
+        json_object_set_new(plan, "forecast", forecast);
+    } else {
+        fprintf(out, "No forecast of uncertainties: %s\n", e.text);
+    }
+}
+
 json_t *campaign_check(void *campaign, const struct desk_run *run, struct err_list *errors) {
     struct campaign_job *job = calloc(1, sizeof *job);
     json_t *plan = NULL;
@@ -101,6 +116,7 @@ json_t *campaign_check(void *campaign, const struct desk_run *run, struct err_li
         plan = plan_to_json(&job->plan, &job->job);
         if (out) {
             plan_print(&job->plan, &job->job, out);
+            add_forecast(campaign, job, plan, out);
             fclose(out);
             json_object_set_new(plan, "text", json_string(text));
         }

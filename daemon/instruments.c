@@ -46,6 +46,12 @@ const struct config_axis *instruments_axis(const struct config *config, enum sta
                                    : &config->holder;
 }
 
+double instruments_u_repeat_deg(const struct config *config, enum stage_axis which,
+                                const struct profile *profile) {
+    double own = instruments_axis(config, which)->u_repeat_deg;
+    return own > 0 ? own : profile ? profile->u_repeat_deg : 0;
+}
+
 /* ---- what needs no device ---- */
 
 static void load_profile(struct instruments *i, enum stage_axis which, struct err_list *errors) {

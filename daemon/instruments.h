@@ -77,6 +77,9 @@ struct instruments {
 };
 
 const struct config_axis *instruments_axis(const struct config *config, enum stage_axis which);
+/* Repeatability of a move: the config's, else the profile's (NULL: the axis is no motor), else 0. */
+double instruments_u_repeat_deg(const struct config *config, enum stage_axis which,
+                                const struct profile *profile);
 const char *stage_axis_name(enum stage_axis which); /* "source" */
 int stage_axis_find(const char *name);              /* -1 = no such axis */
 

@@ -1,0 +1,208 @@
+#include "daemon/plan_forecast.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/instruments.h"
+#include "fit/forecast.h"
+#include "fit/spot.h"
+#include "proto/profile.h"
+#include "proto/units.h"
+
+#define FULL_SCALE 65535.0
+#define SPREAD_NM 650.0   /* what a grating for the visible puts on the pixels: 350 to 1000 nm */
+#define LAMP_LEVEL 0.5    /* of its peak, over the mean's range: a halogen lamp between 400 and 700 nm */
+#define MODEL "composite" /* of the published sets */
+
+struct points {
+    size_t n;
+    double *theta_i_deg, *theta_v_deg;
+    bool *mirrored;
+};
+
+static bool is_point(const struct step *step) {
+    return step->kind == STEP_SAMPLE && step->sample == 0;
+}
+
+static int take_points(struct points *p, const struct plan *plan, struct err *e) {
+    p->theta_i_deg = calloc((size_t)plan->n_steps + 1, sizeof(double));
+    p->theta_v_deg = calloc((size_t)plan->n_steps + 1, sizeof(double));
+    p->mirrored = calloc((size_t)plan->n_steps + 1, sizeof(bool));
+    if (!p->theta_i_deg || !p->theta_v_deg || !p->mirrored)
+        return err_set(e, ERR_NOMEM, "no memory for a forecast");
+    for (int i = 0; i < plan->n_steps; i++)
+        if (is_point(&plan->step[i])) {
+            p->theta_i_deg[p->n] = deg_from_udeg(plan->step[i].theta_i_udeg);
+            p->theta_v_deg[p->n] = deg_from_udeg(plan->step[i].theta_v_udeg);
+            p->mirrored[p->n++] = plan->step[i].mirrored;
+        }
+    return 0;
+}
+
+static void free_points(struct points *p) {
+    free(p->theta_i_deg);
+    free(p->theta_v_deg);
+    free(p->mirrored);
+}
+
+static double clamp(double value, double low, double high) {
+    return fmin(fmax(value, low), high);
+}
+
+static struct forecast_noise noise_of(const struct job *job, const struct plan_devices *devices) {
+    const struct spectrometer_model *model = devices->spectrometer;
+    const double range_nm = job->mean_nm[1] - job->mean_nm[0] + BAND_STEP_NM;
+    const double pixels = (model->active_last - model->active_first + 1) * fmin(range_nm / SPREAD_NM, 1);
+    const double readings = pixels * job->exposure.average;
+    const double electrons = job->exposure.target * LAMP_LEVEL * FULL_SCALE *
+                             model->electrons_per_count; /* of one pixel, one scan */
+    const double own =
+        job->reference.mode == REFERENCE_EVERY_GEOMETRY ? sqrt(2) : 1; /* its reference's too */
+    const double least =
+        clamp(job->exposure.min_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+    const double most =
+        clamp(job->exposure.max_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+    return (struct forecast_noise){.relative = own / sqrt(readings * electrons),
+                                   .read = own * model->read_noise_counts * model->electrons_per_count /
+                                           electrons / sqrt(readings),
+                                   .span = most / least};
+}
+
+/* Mean relative u of the diffuser over the bands of mean_nm, at the job's reference geometry or a point's own. */
+static double certificate_rel(const struct job *job, const struct points *p) {
+    double beta[BANDS], u[BANDS], used = 0, sum = 0;
+    bool covered[BANDS];
+    int n = 0;
+    const bool own = job->reference.mode == REFERENCE_EVERY_GEOMETRY && p->n > 0;
+    const double i_deg = own ? p->theta_i_deg[0] : job->reference.theta_i_deg;
+    const double v_deg = own ? p->theta_v_deg[0] : job->reference.theta_v_deg;
+    if (certificate_at(&job->certificate, i_deg, v_deg, job->reference.angular_u_rel, beta, u, covered, &used,
+                       NULL) < 0)
+        return 0;
+    for (int b = 0; b < BANDS; b++)
+        if (covered[b] && band_nm(b) >= job->mean_nm[0] && band_nm(b) <= job->mean_nm[1]) {
+            sum += u[b] / beta[b];
+            n++;
+        }
+    return n ? hypot(sum / n, used) : 0;
+}
+
+static int take_angles(struct estimate_input *in, const struct points *p, const struct job *job,
+                       const struct config *config, const struct plan_devices *devices, struct err *e) {
+    *in = (struct estimate_input){
+        .n = p->n,
+        .theta_i_deg = p->theta_i_deg,
+        .theta_v_deg = p->theta_v_deg,
+        .mirrored = p->mirrored,
+        .u_repeat_source_deg = instruments_u_repeat_deg(config, STAGE_SOURCE, devices->profile[STAGE_SOURCE]),
+        .u_repeat_sample_deg = instruments_u_repeat_deg(config, STAGE_SAMPLE, devices->profile[STAGE_SAMPLE]),
+        .u_zero_source_deg = config->source.u_zero_deg,
+        .u_zero_sample_deg = config->sample.u_zero_deg,
+        .source_width_deg = config->optics.source_width_deg,
+        .sensor_width_deg = config->optics.sensor_width_deg,
+        .kappa = 1,
+        .mean_low_nm = job->mean_nm[0],
+        .mean_high_nm = job->mean_nm[1],
+        .model = MODEL};
+    in->filling =
+        config->optics.filling == FILLING_BEAM_IN_VIEW ? ESTIMATE_BEAM_IN_VIEW : ESTIMATE_VIEW_IN_BEAM;
+    return spot_find_reference(job_mode_name(job->reference.mode), &in->reference, e);
+}
+
+static json_t *named(const double *value) {
+    json_t *json = json_object();
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        const char *name = material_parameter_name(MODEL, p);
+        if (name)
+            json_object_set_new(json, name, isfinite(value[p]) ? json_real(value[p]) : json_null());
+    }
+    return json;
+}
+
+static json_t *set_json(const struct published *set, const struct forecast *f) {
+    json_t *gaps = json_array();
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++)
+        if (f->not_identifiable[p])
+            json_array_append_new(gaps, json_pack("{s:s, s:s}", "parameter",
+                                                  material_parameter_name(MODEL, p), "why", f->why[p]));
+    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "name", set->name, "description",
+                     set->description, "parameters", named(set->value), "std", named(f->u), "std_statistical",
+                     named(f->statistical), "std_common", named(f->common), "not_identifiable", gaps);
+}
+
+static json_t *forecast_points(const struct points *p, const struct job *job, const struct config *config,
+                               const struct plan_devices *devices, struct err *e) {
+    struct estimate_input in;
+    const struct forecast_noise noise = noise_of(job, devices);
+    const double scale = certificate_rel(job, p);
+    int rc = take_angles(&in, p, job, config, devices, e);
+    json_t *sets = json_array();
+    for (int i = 0; i < PUBLISHED_SETS && rc == 0; i++) {
+        struct forecast f;
+        rc = forecast_make(&in, &noise, scale, published[i].value, &f, e);
+        if (rc == 0)
+            json_array_append_new(sets, set_json(&published[i], &f));
+    }
+    if (rc < 0) {
+        json_decref(sets);
+        return NULL;
+    }
+    return json_pack("{s:s, s:i, s:f, s:f, s:o}", "sample", job->sample[0].name, "points", (int)p->n,
+                     "noise_relative", noise.relative, "certificate_relative", scale, "sets", sets);
+}
+
+json_t *plan_forecast(const struct plan *plan, const struct job *job, const struct config *config,
+                      const struct plan_devices *devices, struct err *e) {
+    struct points p = {0};
+    json_t *json = take_points(&p, plan, e) == 0 ? forecast_points(&p, job, config, devices, e) : NULL;
+    free_points(&p);
+    return json;
+}
+
+static void print_set(const json_t *set, FILE *out) {
+    const json_t *values = json_object_get(set, "parameters"), *std = json_object_get(set, "std");
+    fprintf(out, "  %-10s", json_string_value(json_object_get(set, "name")));
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
+        const char *name = material_parameter_name(MODEL, p);
+        const json_t *u = name ? json_object_get(std, name) : NULL;
+        if (json_is_number(u))
+            fprintf(out, " %8.2g %%",
+                    100 * json_number_value(u) / json_number_value(json_object_get(values, name)));
+        else if (name)
+            fprintf(out, " %10s", "unknown");
+    }
+    fputc('\n', out);
+}
+
+static void print_gaps(const json_t *set, FILE *out) {
+    const json_t *gap;
+    size_t i;
+    json_array_foreach(json_object_get(set, "not_identifiable"), i, gap) {
+        fprintf(out, "  not identifiable on %s: %s: %s\n", json_string_value(json_object_get(set, "name")),
+                json_string_value(json_object_get(gap, "parameter")),
+                json_string_value(json_object_get(gap, "why")));
+    }
+}
+
+void plan_forecast_print(const json_t *forecast, FILE *out) {
+    const json_t *sets = json_object_get(forecast, "sets"), *set;
+    size_t i;
+    fprintf(
+        out,
+        "To be expected of the published paints at these %d points, u by counting (%.2g of a mean), axes, "
+        "zeros and\ncertificate (%.2g); lamp drift, darks, stray light and linearity come on top:\n  %-10s",
+        (int)json_integer_value(json_object_get(forecast, "points")),
+        json_number_value(json_object_get(forecast, "noise_relative")),
+        json_number_value(json_object_get(forecast, "certificate_relative")), "");
+    for (int p = 0; p < MATERIAL_PARAMETERS; p++)
+        if (material_parameter_name(MODEL, p))
+            fprintf(out, " %10s", material_parameter_name(MODEL, p));
+    fputc('\n', out);
+    json_array_foreach(sets, i, set) {
+        print_set(set, out);
+    }
+    json_array_foreach(sets, i, set) {
+        print_gaps(set, out);
+    }
+}

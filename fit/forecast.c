@@ -1,0 +1,225 @@
+#include "fit/forecast.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/cholesky.h"
+#include "fit/problem.h"
+
+#define U_LN_MAX 0.5 /* as verdict.cc: then a value is a guess, not a result */
+/* reflection-model.md 3.2: n and beta' correlate by 0.971 up to 60 deg of incidence, by 0.9985 to 0.9992 up to 40, by
+ * 0.9999 up to 30, where an error of the model by 0.1 % is one of several per cent in both. */
+#define CORRELATION_MAX 0.9995
+#define CONDITION_MAX 1e12 /* of J^T W J: beyond it double precision does not tell the parameters apart */
+
+struct covariance {
+    int k;
+    double value[MATERIAL_PARAMETERS];
+    double chain[COORDINATES_MAX * COORDINATES_MAX];
+    double *slope;                               /* [n * k] along the coordinates */
+    double l[COORDINATES_MAX * COORDINATES_MAX]; /* of J^T W J scaled to a unit diagonal */
+    double scale[COORDINATES_MAX];
+    double statistical[COORDINATES_MAX * COORDINATES_MAX]; /* of the coordinates */
+    double common[COORDINATES_MAX * COORDINATES_MAX];
+};
+
+static double noise_of(const struct forecast_noise *noise, double beta, double brightest) {
+    double level = isfinite(noise->span) ? fmin(1, beta / brightest * noise->span) : 1;
+    double counting = noise->relative * noise->relative / level, read = noise->read / level;
+    return sqrt(beta * beta * (counting + read * read) + noise->absolute * noise->absolute);
+}
+
+/* The model's own values as readings, with the u they would have. */
+static int fill_readings(struct problem *p, const struct forecast_noise *noise, const double *value,
+                         double *beta, double *u, struct err *e) {
+    double brightest = 0;
+    int status = problem_evaluate(p, value, e);
+    for (size_t i = 0; i < p->n; i++) {
+        brightest = fmax(brightest, p->model_beta[i]);
+    }
+    for (size_t i = 0; i < p->n && !status; i++) {
+        beta[i] = p->model_beta[i];
+        u[i] = noise_of(noise, fabs(beta[i]), brightest);
+    }
+    return status;
+}
+
+static void take_slopes(struct covariance *c, const struct problem *p) {
+    for (size_t i = 0; i < p->n; i++) {
+        for (int j = 0; j < c->k; j++) {
+            double sum = 0;
+            for (int m = 0; m < c->k; m++) {
+                sum += p->gradient[i * (size_t)c->k + (size_t)m] * c->chain[m * c->k + j];
+            }
+            c->slope[i * (size_t)c->k + (size_t)j] = sum;
+        }
+    }
+}
+
+/* False: the angles do not tell the parameters. */
+static bool invert(struct covariance *c, const struct problem *p) {
+    const int k = c->k;
+    double fisher[COORDINATES_MAX * COORDINATES_MAX] = {0};
+    for (size_t i = 0; i < p->n; i++) {
+        const double *row = c->slope + i * (size_t)k, w = 1 / (p->u[i] * p->u[i]);
+        for (int a = 0; a < k * k; a++) {
+            fisher[a] += w * row[a / k] * row[a % k];
+        }
+    }
+    for (int a = 0; a < k; a++) {
+        c->scale[a] = fisher[a * k + a] > 0 ? 1 / sqrt(fisher[a * k + a]) : 0;
+    }
+    for (int a = 0; a < k * k; a++) {
+        fisher[a] *= c->scale[a / k] * c->scale[a % k];
+    }
+    if (!(cholesky_condition(k, fisher) < CONDITION_MAX) || !cholesky_factor(k, fisher, c->l)) {
+        return false;
+    }
+    for (int a = 0; a < k; a++) {
+        double column[COORDINATES_MAX] = {0};
+        column[a] = 1;
+        cholesky_solve(k, c->l, column, column);
+        for (int b = 0; b < k; b++) {
+            c->statistical[b * k + a] = column[b] * c->scale[a] * c->scale[b];
+        }
+    }
+    return true;
+}
+
+/* One cause: change[i] of beta for one standard uncertainty of it. */
+static void add_cause(struct covariance *c, const struct problem *p, const double *change) {
+    const int k = c->k;
+    double moved[COORDINATES_MAX] = {0};
+    for (size_t i = 0; i < p->n; i++) {
+        for (int j = 0; j < k; j++) {
+            moved[j] += c->slope[i * (size_t)k + (size_t)j] * change[i] / (p->u[i] * p->u[i]) * c->scale[j];
+        }
+    }
+    cholesky_solve(k, c->l, moved, moved);
+    for (int a = 0; a < k * k; a++) {
+        c->common[a] += moved[a / k] * c->scale[a / k] * moved[a % k] * c->scale[a % k];
+    }
+}
+
+static void add_causes(struct covariance *c, const struct problem *p, double certificate_rel,
+                       double *change) {
+    for (size_t i = 0; i < p->n; i++) {
+        change[i] = certificate_rel * p->model_beta[i];
+    }
+    add_cause(c, p, change);
+    for (size_t i = 0; i < p->n; i++) {
+        change[i] = p->input->u_zero_source_deg * (p->slope_source[i] + p->spot_source[i]);
+    }
+    add_cause(c, p, change);
+    for (size_t i = 0; i < p->n; i++) {
+        change[i] = p->input->u_zero_sample_deg * (p->slope_sample[i] + p->spot_sample[i]);
+    }
+    add_cause(c, p, change);
+}
+
+/* Variance of parameter column j: chain C chain^T. */
+static double variance(const struct covariance *c, const double *cells, int i, int j) {
+    double sum = 0;
+    for (int a = 0; a < c->k; a++) {
+        for (int b = 0; b < c->k; b++) {
+            sum += c->chain[i * c->k + a] * cells[a * c->k + b] * c->chain[j * c->k + b];
+        }
+    }
+    return sum;
+}
+
+static const char *name_of(const struct problem *p, int column) {
+    enum material_parameter at = reflectance_parameter(p->model, column);
+    return at == MATERIAL_BETA_PRIME ? "beta'" : material_parameter_name(p->input->model, at);
+}
+
+/* The parameter that takes column's part most closely, by the independent part. */
+static double closest(const struct covariance *c, int column, int *other) {
+    double most = 0;
+    for (int j = 0; j < c->k; j++) {
+        double both = sqrt(variance(c, c->statistical, column, column) * variance(c, c->statistical, j, j));
+        double rho = j == column || both == 0 ? 0 : variance(c, c->statistical, column, j) / both;
+        if (fabs(rho) > fabs(most)) {
+            most = rho;
+            *other = j;
+        }
+    }
+    return most;
+}
+
+static void judge(const struct covariance *c, const struct problem *p, struct forecast *f) {
+    for (int j = 0; j < c->k; j++) {
+        const enum material_parameter at = reflectance_parameter(p->model, j);
+        const double size = coordinates_scale(p->model, c->value, j);
+        int other = j;
+        const double rho = closest(c, j, &other);
+        f->statistical[at] = sqrt(variance(c, c->statistical, j, j));
+        f->common[at] = sqrt(variance(c, c->common, j, j));
+        f->u[at] = hypot(f->statistical[at], f->common[at]);
+        if (fabs(rho) > CORRELATION_MAX) {
+            snprintf(f->why[at], sizeof f->why[at],
+                     "at these angles it cannot be told from %s (correlation %.5f): its u rests on a model "
+                     "without error",
+                     name_of(p, other), rho);
+        } else if (!(f->u[at] <= U_LN_MAX * size)) {
+            snprintf(f->why[at], sizeof f->why[at], "its u is %.0f %% of %s%s",
+                     100 * fmin(f->u[at] / size, 1e4), name_of(p, j), at == MATERIAL_N ? " - 1" : "");
+        }
+        f->not_identifiable[at] = f->why[at][0] != 0;
+    }
+}
+
+static void know_nothing(const struct problem *p, struct forecast *f) {
+    for (int j = 0; j < p->k; j++) {
+        const enum material_parameter at = reflectance_parameter(p->model, j);
+        f->u[at] = f->statistical[at] = INFINITY;
+        f->not_identifiable[at] = true;
+        snprintf(f->why[at], sizeof f->why[at], "these angles do not determine the model's %d parameters",
+                 p->k);
+    }
+}
+
+static int forecast_problem(struct problem *p, const struct forecast_noise *noise, double certificate_rel,
+                            const double *value, double *readings, struct forecast *f, struct err *e) {
+    struct covariance c = {.k = p->k, .slope = readings + 3 * p->n};
+    double *beta = readings, *u = readings + p->n, *change = readings + 2 * p->n;
+    int status = fill_readings(p, noise, value, beta, u, e);
+    if (status || (status = problem_reweigh(p, value, e))) {
+        return status;
+    }
+    memcpy(c.value, value, sizeof c.value);
+    coordinates_chain(p->model, value, c.chain);
+    take_slopes(&c, p);
+    if (!invert(&c, p)) {
+        know_nothing(p, f);
+        return 0;
+    }
+    add_causes(&c, p, certificate_rel, change);
+    judge(&c, p, f);
+    return 0;
+}
+
+int forecast_make(const struct estimate_input *angles, const struct forecast_noise *noise,
+                  double certificate_rel, const double *value, struct forecast *forecast, struct err *e) {
+    struct problem p;
+    struct estimate_input in = *angles;
+    *forecast = (struct forecast){0};
+    double *readings = calloc((3 + COORDINATES_MAX) * (angles->n + 1), sizeof *readings);
+    if (!readings) {
+        return err_set(e, ERR_NOMEM, "no memory for a forecast of %zu points", angles->n);
+    }
+    for (size_t i = 0; i < 2 * angles->n; i++) {
+        readings[i] = 1;
+    }
+    in.beta = readings;
+    in.u_ind = readings + angles->n;
+    int status = problem_init(&p, &in, e);
+    if (!status) {
+        status = forecast_problem(&p, noise, certificate_rel, value, readings, forecast, e);
+        problem_free(&p);
+    }
+    free(readings);
+    return status;
+}

@@ -1,0 +1,51 @@
+/*
+ * forecast.h — what a fit will know of a surface, from the angles alone, before anything is measured.
+ *
+ * Covariance H V H^T (measurement.md 8) of the model's parameters at assumed values, its weights and slopes those of
+ * struct problem: independent are the counting noise and the axis repeatability, common the certificate (one scale) and the
+ * axis zeros. Drift, darks and stray light are left out: a campaign keeps them below these. A parameter is named as not
+ * identifiable where its u passes half its size (of n: of n - 1), as in the verdict of a fit; or where another one takes its
+ * part so closely (correlation beyond 0.9995) that its u rests on a model without error, which no paint obeys.
+ *
+ * Noise      u of a visible mean of a reading at its exposure's target, of counting and of reading out; what is dimmer than
+ *            1 / span of the brightest geometry stays below the target, for its exposure is at its longest.
+ * Units      degrees; u of the parameters' own units; certificate_rel relative.
+ * Errors     -ERR_RANGE an angle; -ERR_NOMEM. Too few geometries, or angles that tell nothing, are an answer: every u is
+ *            infinite then.
+ * Source     measurement.md 6, 8; reflection-model.md 3.
+ * Checked    tests/unit/test_forecast.c: figures of reflection-model.md 3.1 and 3.2; against estimate_fit
+ */
+#ifndef FIT_FORECAST_H
+#define FIT_FORECAST_H
+
+#include "fit/estimate.h"
+#include "fit/published.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct forecast_noise {
+    double relative; /* counting, at the target, of sample and reference together */
+    double read;     /* reading out, as a part of the reading at the target */
+    double absolute; /* as a radiance factor, whatever the exposure */
+    double span;     /* longest over shortest exposure; infinite: every geometry reaches its target */
+};
+
+struct forecast {
+    double u[MATERIAL_PARAMETERS], statistical[MATERIAL_PARAMETERS],
+        common[MATERIAL_PARAMETERS]; /* standard */
+    bool not_identifiable[MATERIAL_PARAMETERS];
+    char why[MATERIAL_PARAMETERS][160];
+};
+
+/* angles: n, theta_i_deg, theta_v_deg, mirrored, the uncertainties of the axes, filling, reference, widths and model of a
+ * fit's input; the rest is not read. */
+int forecast_make(const struct estimate_input *angles, const struct forecast_noise *noise,
+                  double certificate_rel, const double *value, struct forecast *forecast, struct err *e);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
