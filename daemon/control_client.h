@@ -4,6 +4,7 @@
  * Belongs to the control thread. A line that is too long, or 4 MiB of replies nobody reads, ends the
  * connection with a sentence. Events are dropped rather than queued for a slow reader, and the number of
  * missed ones is told when it reads again.
+ * Checked    tests/scenario/test_control.c
  */
 #ifndef DAEMON_CONTROL_CLIENT_H
 #define DAEMON_CONTROL_CLIENT_H

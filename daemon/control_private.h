@@ -1,5 +1,6 @@
 /*
  * control_private.h — what the files of the control thread share: its loop, its clients, its desk.
+ * Checked    tests/scenario/test_control.c, tests/wire/test_protocol.py
  */
 #ifndef DAEMON_CONTROL_PRIVATE_H
 #define DAEMON_CONTROL_PRIVATE_H

@@ -5,6 +5,7 @@
  * certificate, reach). plan_order: the order that saves travel. plan_route: a way round keep-out zones.
  * plan_steps: points in order -> steps in brackets. plan_time: how long each takes. Angles are microdegrees
  * in the axes' user coordinates.
+ * Checked    tests/unit/test_plan.c, tests/unit/test_plan_random.c
  */
 #ifndef DAEMON_PLAN_PARTS_H
 #define DAEMON_PLAN_PARTS_H

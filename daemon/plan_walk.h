@@ -4,6 +4,7 @@
  * A walk knows the pose of the axes, which surface is mounted at each place of the holder, when the last dark
  * was taken and when the bracket was opened. It adds the holds that a reading needs first. A copy of a walk
  * goes on from there on its own: with plan->n_steps put back, a trial leaves no trace.
+ * Checked    tests/unit/test_plan.c
  */
 #ifndef DAEMON_PLAN_WALK_H
 #define DAEMON_PLAN_WALK_H

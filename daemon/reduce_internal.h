@@ -1,5 +1,6 @@
 /*
  * reduce_internal.h — what the files of daemon/reduce*.c share, and nobody else includes.
+ * Checked    tests/unit/test_reduce*.c
  */
 #ifndef DAEMON_REDUCE_INTERNAL_H
 #define DAEMON_REDUCE_INTERNAL_H

@@ -2,8 +2,8 @@
  * replay_private.h — between the files of a replay: what a recording says of itself, and points derived from counts.
  *
  * Files      replay_recording.c reads texts and surfaces; replay_points.c derives points; replay_bench.c measures once
- *            more; replay_covariance.c
- *            what their difference may be; replay_compare.c judges it; replay.c joins them.
+ *            more; replay_covariance.c says what their difference may be; replay_compare.c judges it; replay.c joins them.
+ * Checked    tests/replay/
  */
 #ifndef DAEMON_REPLAY_PRIVATE_H
 #define DAEMON_REPLAY_PRIVATE_H

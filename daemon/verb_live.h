@@ -1,6 +1,7 @@
 /*
  * verb_live.h — what the live verbs share: one request over goniod's socket, and printing of parts of the
  * status.
+ * Checked    tests/wire/test_campaign_wire.c, tests/wire/test_bad_input.py
  */
 #ifndef DAEMON_VERB_LIVE_H
 #define DAEMON_VERB_LIVE_H

@@ -6,11 +6,6 @@
  * its mechanics. The axis driver interprets it; the simulator never loads it, so that an error in a profile
  * shows.
  *
- * Sequences  lists of steps out of seven verbs: w (registers, one frame), set, clr, pulse (mask in a command
- *            word whose state is remembered), wait (conditions within ms), expect (the same, now), delay.
- *            replay: safe means that sending it again does no harm (an absolute target).
- * Conditions name a status bit, "!name" negates it; or {reg, mask, is}. All of a list must hold.
- * Values     constants, or $target $speed $accel $decel in the drive's own units, with .hi or .lo for a half.
  * Units      raw speed = deg/s * speed.factor; raw accel = deg/s^2 * accel.factor, or for ms_per_1000rpm the
  *            milliseconds to 1000 rpm at speed.factor rpm per deg/s.
  * Errors     -ERR_INPUT with every mistake at its place; -ERR_IO when the file cannot be read.
@@ -24,14 +19,11 @@
 #include <stdio.h>
 
 #include "proto/err.h"
+#include "proto/profile_seq.h"
 
 #define PROFILE_REGS 24
 #define PROFILE_BITS 16
-#define PROFILE_STEPS 10
-#define PROFILE_WORDS 16
-#define PROFILE_CONDITIONS 6
 #define PROFILE_ALARMS 64
-#define PROFILE_NAME 16
 #ifndef PROFILE_DIR
 #define PROFILE_DIR "/usr/share/goniod/profiles"
 #endif
@@ -57,69 +49,6 @@ struct profile_bit { /* true when (register & mask) == is */
     char reg_name[PROFILE_NAME];
     int reg; /* index into profile.reg */
     uint32_t mask, is;
-};
-
-struct profile_condition {
-    char name[PROFILE_NAME]; /* of a status bit, or of a register */
-    bool raw;                /* {reg, mask, is} instead of a status bit */
-    bool demand;             /* accept only: the register equals $target */
-    bool negate;
-    int reg;
-    uint32_t mask, is;
-    int line, column;
-};
-
-enum profile_verb {
-    PROFILE_W,
-    PROFILE_SET,
-    PROFILE_CLR,
-    PROFILE_PULSE,
-    PROFILE_WAIT,
-    PROFILE_EXPECT,
-    PROFILE_DELAY
-};
-enum profile_variable { PROFILE_CONSTANT, PROFILE_TARGET, PROFILE_SPEED, PROFILE_ACCEL, PROFILE_DECEL };
-enum profile_half { PROFILE_WHOLE, PROFILE_HI, PROFILE_LO };
-
-struct profile_word {
-    enum profile_variable variable;
-    enum profile_half half;
-    int64_t constant;
-};
-
-struct profile_step {
-    enum profile_verb verb;
-    int addr;     /* w */
-    int function; /* w: 6 or 16 */
-    bool wide;    /* w: each word is 32 bit */
-    int n_words;
-    struct profile_word word[PROFILE_WORDS];
-    char reg_name[PROFILE_NAME]; /* set, clr, pulse */
-    int reg;
-    uint32_t mask;
-    int ms;    /* pulse: hold; wait: time limit; delay */
-    bool soft; /* wait: running out of time is no error */
-    int n_conditions;
-    struct profile_condition condition[PROFILE_CONDITIONS];
-    int line, column;
-};
-
-enum profile_seq_id {
-    PROFILE_ENABLE, /* before the first order after every connect */
-    PROFILE_DISABLE,
-    PROFILE_HOME,
-    PROFILE_SET_ZERO,
-    PROFILE_MOVE_ABS,
-    PROFILE_STOP,  /* with ramp; lets the axis move again at its end */
-    PROFILE_ABORT, /* when goniod leaves a moving axis behind */
-    PROFILE_ALARM_RESET,
-    PROFILE_SEQS
-};
-
-struct profile_seq {
-    bool present, replay_safe;
-    int n;
-    struct profile_step step[PROFILE_STEPS];
 };
 
 struct profile_alarm {
@@ -193,7 +122,6 @@ int profile_read_text(const char *file, const char *text, size_t size, struct pr
 const char *profile_alarm_text(const struct profile *p, int code); /* "overload", or "unknown alarm" */
 bool profile_alarm_revokes(const struct profile *p, int code);
 bool profile_alarm_needs_person(const struct profile *p, int code);
-const char *profile_seq_name(enum profile_seq_id id);
 const char *profile_evidence_name(int evidence);
 int profile_reg_words(const struct profile_reg *reg); /* 1 or 2 */
 

@@ -289,12 +289,27 @@ static const char *masked_verb(const struct step_form *f, enum profile_verb *ver
     return f->set[0] ? f->set : f->clr[0] ? f->clr : f->pulse;
 }
 
+/* A key of another verb would be read and then not obeyed. */
+static const char *foreign_key(const struct step_form *f, bool masked, bool waits) {
+    bool values = f->step.n_words > 0 || f->fc;
+    if (values && !f->has_w)
+        return "s32, u16 and fc belong to w";
+    if ((f->has_mask || f->has_hold) && !masked)
+        return "mask and hold_ms belong to set, clr and pulse";
+    if ((f->has_ms || f->step.soft) && !waits)
+        return "ms and soft belong to wait";
+    return NULL;
+}
+
 /* Which verb the step is, and whether it has what that verb needs. */
 static const char *complete_step(struct step_form *f) {
     struct profile_step *step = &f->step;
     bool masked = f->set[0] || f->clr[0] || f->pulse[0], waits = step->n_conditions > 0;
-    if (f->has_w + masked + waits + f->has_delay != 1)
+    if (f->has_w + masked + waits + f->has_delay != 1 || !!f->set[0] + !!f->clr[0] + !!f->pulse[0] > 1)
         return "a step has exactly one of w, set, clr, pulse, wait, expect, delay";
+    const char *foreign = foreign_key(f, masked, waits);
+    if (foreign)
+        return foreign;
     if (f->has_w) {
         step->verb = PROFILE_W;
         step->function = f->fc ? f->fc : 16;

@@ -25,89 +25,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "proto/bands.h"
 #include "proto/calibration.h"
 #include "proto/err.h"
+#include "proto/exposure.h"
 #include "proto/joint.h"
 #include "proto/material.h"
+#include "proto/point.h"
 
 #define SESSION_APPLICATION_ID 0x474f4e49 /* "GONI" */
 #define SESSION_USER_VERSION 2
-#define POINT_COMMON_MAX 12
-
-enum exposure_kind {
-    EXPOSURE_SAMPLE,
-    EXPOSURE_REFERENCE,
-    EXPOSURE_DARK,
-    EXPOSURE_TRAP,
-    EXPOSURE_OVERLAP, /* the diffuser at one of two exposure times (session_linearity.h) */
-    EXPOSURE_KINDS
-};
-
-struct exposure { /* one set of scans in one state of the bench */
-    int64_t id;   /* given by session_add_exposure, counts from 1 */
-    int step;     /* index into the plan */
-    int attempt;  /* 0 first; a shorter repeat of a saturated set is the next */
-    enum exposure_kind kind;
-    int bracket; /* counts from 1; 0 = belongs to none; of a control reading: the one it closes */
-    int opens; /* a control reading: the bracket it opens, 0 = none; the reading between n and n + 1 does both
-                */
-    bool control;                                  /* a reading of the brackets' control geometry */
-    int32_t theta_i_udeg, theta_v_udeg;            /* nominal; theta_v > 0 on the mirror side */
-    bool mirrored;                                 /* measured with both axes negated */
-    int32_t source_udeg, sample_udeg, holder_udeg; /* readbacks */
-    int64_t settled_us, start_us, end_us;          /* settled < start < end < next move */
-    int64_t utc_us;
-    int exposure_us, n_scans, pixels;
-    int saturated_pixels; /* the worst scan's; > 0 marks the whole set */
-    bool lamp;
-    double temperature_c; /* NaN = not read */
-    uint16_t *counts;     /* n_scans * pixels, scan by scan; the caller's memory */
-};
-
-/* A named common part of a point: the signed change of beta, by band, for one standard uncertainty of its
- * cause. The same cause has the same name in every point: "certificate", "reference/ID", "dark/ID", "stray",
- * "linearity". */
-struct point_common {
-    char name[40];
-    double sensitivity[BANDS];
-    double mean; /* of the visible mean */
-};
-
-struct point {
-    int64_t id;
-    int64_t supersedes; /* id of the provisional row this replaces, 0 = none */
-    bool provisional;
-    int64_t exposure_id; /* of the sample */
-    int bracket;
-    double tau_us;   /* time since the bracket opened, of the sample reading */
-    double tau_r_us; /* and of the reference reading it was divided by (the open reading: 0) */
-    int32_t theta_i_udeg, theta_v_udeg; /* from readbacks */
-    bool saturated;
-    double scan_f;       /* scatter between scans over the count-noise model (F ratio); NaN with one scan */
-    bool noisy;          /* the F test says that the scans scatter more than the model allows */
-    bool present[BANDS]; /* false: signal too low, never filled; beta and u_ind are then NaN, cov_next 0 */
-    double beta[BANDS];
-    double u_ind[BANDS];     /* independent part, standard uncertainty */
-    double cov_next[BANDS];  /* covariance of band k with k + 1 (independent part) */
-    double mean, mean_u_ind; /* unweighted mean of the bands of mean_nm; NaN where one of them is missing */
-    int n_common;
-    struct point_common common[POINT_COMMON_MAX];
-};
-
-struct point_slope { /* d beta / d axis of the visible mean, by the fitted model */
-    int64_t point_id;
-    double source_per_deg, sample_per_deg;
-};
-
-struct bracket { /* drift: covariance r tau1 (T - tau2) / T for tau1 <= tau2 (measurement.md 3) */
-    int number;
-    int64_t open_us, close_us; /* close_us 0: not closed */
-    double rate[BANDS];        /* r, relative variance per second */
-    double mean_rate;
-    char ended_by[32];        /* "reference", "hold", "pause", "resume", "lamp" */
-    int64_t last_exposure_id; /* the last exposure taken before it ended */
-};
 
 struct exchange { /* one Modbus transaction; request and reply are the caller's memory */
     int64_t id;

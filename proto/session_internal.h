@@ -1,5 +1,6 @@
 /*
  * session_internal.h — what the files of proto/session*.c share, and nobody else includes.
+ * Checked    tests/unit/test_session*.c
  */
 #ifndef PROTO_SESSION_INTERNAL_H
 #define PROTO_SESSION_INTERNAL_H

@@ -12,6 +12,7 @@
  * the next one waits until it lets go. */
 
 #define HELD 64
+#define LENGTH_MAX (1 << 20) /* of a bulk request; the instruments send 8 kB at most */
 
 struct held { /* a bulk IN request that has no data yet */
     uint64_t id;
@@ -282,7 +283,7 @@ static void on_control(void *priv, uint64_t id, struct usb_redir_control_packet_
 
 static void hold(struct device *s, uint64_t id, const struct usb_redir_bulk_packet_header *h) {
     size_t length = h->length | (size_t)h->length_high << 16;
-    uint8_t *data = s->n_held < HELD ? malloc(length + 1) : NULL;
+    uint8_t *data = s->n_held < HELD && length <= LENGTH_MAX ? malloc(length + 1) : NULL;
     if (!data) {
         struct usb_redir_bulk_packet_header refused = *h;
         refused.status = usb_redir_ioerror;
