@@ -7,7 +7,7 @@
 #include "daemon/verb_session.h"
 #include "proto/session_linearity.h"
 
-static const char *const TABLES[] = {"bracket", "linearity", "point", "point_band", "point_common"};
+static const char *const TABLES[] = {"linearity", "bracket", "point", "point_band", "point_common"};
 #define FIRST_OF_POINT 2
 #define N_TABLES (sizeof TABLES / sizeof TABLES[0])
 
@@ -55,7 +55,7 @@ static int derive_point(void *arg, struct point *p, struct err *e) {
 static int derive_bracket(void *arg, const struct bracket *b, struct err *e) {
     struct derived *d = arg;
     (void)e;
-    session_print_bracket(d->table[0].out, ++d->brackets, b);
+    session_print_bracket(d->table[1].out, ++d->brackets, b);
     return 0;
 }
 
@@ -63,7 +63,7 @@ static int derive_linearity(void *arg, struct linearity *l, struct err *e) {
     struct derived *d = arg;
     (void)e;
     l->id = ++d->linearities;
-    session_print_linearity(d->table[1].out, l);
+    session_print_linearity(d->table[0].out, l);
     return 0;
 }
 

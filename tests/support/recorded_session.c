@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "daemon/reduce.h"
+#include "proto/session_linearity.h"
 #include "tests/support/session_rows.h"
 #include "tests/support/synthetic_bench.h"
 
@@ -27,6 +28,10 @@ static int store_point(void *arg, struct point *p, struct err *e) {
 
 static int store_bracket(void *arg, const struct bracket *b, struct err *e) {
     return session_add_bracket(((struct recording *)arg)->s, b, e);
+}
+
+static int store_linearity(void *arg, struct linearity *l, struct err *e) {
+    return session_add_linearity(((struct recording *)arg)->s, l, e);
 }
 
 static void store(struct recording *w, struct exposure *x) {
@@ -59,6 +64,19 @@ static void take_sample(struct recording *w, int bracket, double theta_i_deg, do
     synthetic_expose(&w->bench, EXPOSURE_SAMPLE, theta_i_deg, theta_v_deg, exposure_us, &x);
     x.bracket = bracket;
     store(w, &x);
+}
+
+/* Last, so that what is before it keeps its numbers. */
+static void take_overlap(struct recording *w) {
+    struct exposure x;
+    synthetic_wait(&w->bench, 1);
+    take_dark(w, 15000);
+    for (int k = 0; k < 2; k++) {
+        synthetic_wait(&w->bench, 1);
+        synthetic_expose(&w->bench, EXPOSURE_OVERLAP, 45, 0, k ? 15000 : 60000, &x);
+        x.step = 0;
+        store(w, &x);
+    }
 }
 
 static void write_texts(struct recording *w, const char *certificate) {
@@ -94,6 +112,7 @@ static void measure(struct recording *w) {
     take_sample(w, 3, 60, -45, 150000);
     take_sample(w, 3, 60, 45, 60000);
     take_control(w, 3, 0);
+    take_overlap(w);
 }
 
 static void add_exchanges(struct recording *w) {
@@ -122,7 +141,8 @@ void recorded_session_make(const char *path) {
                                     .stray_light_rel = 5e-4,
                                     .linearity_rel = 1e-3,
                                     .drift_rate_prior = 1e-9};
-    w.sink = (struct reduce_sink){.arg = &w, .point = store_point, .bracket = store_bracket};
+    w.sink = (struct reduce_sink){
+        .arg = &w, .point = store_point, .bracket = store_bracket, .linearity = store_linearity};
     ROW_OK(reducer_new(&w.r, &w.setup, e));
     ROW_OK(session_create(&w.s, path, e));
     write_texts(&w, certificate);

@@ -108,6 +108,8 @@ static void show_tells_a_person(void **state) {
     expect(RUN("show", path), 0, "state      done", "");
     expect(RUN("show", path), 0, "6 final, 7 provisional rows; 3 brackets", "");
     expect(RUN("show", path), 0, "1 of them saturated; 7 exchanges", "");
+    expect(RUN("show", path), 0, "linearity  the diffuser in 60 ms over 15 ms: ratio ", "");
+    expect(RUN("show", path), 0, "u of the counts at full scale: 0.001 (stated 0.001)", "");
     expect(RUN("show", path), 0, "beta_prime", "");
     expect(RUN("show", "nowhere"), 2, "", "there is no session nowhere");
     expect(RUN("show"), 2, "", "show");
@@ -125,6 +127,9 @@ static void show_as_json(void **state) {
                      RECORDED_POINTS + 1); /* one stays provisional: its bracket was cut off */
     assert_true(json_number_value(json_object_get(json_array_get(points, 0), "beta")) > 0.05);
     assert_non_null(json_object_get(all, "estimate"));
+    const json_t *linearity = json_object_get(all, "linearity");
+    assert_int_equal(json_integer_value(json_object_get(linearity, "short_us")), 15000);
+    assert_true(json_is_false(json_object_get(linearity, "beyond")));
     json_decref(all);
     forget(&said);
 }
@@ -144,13 +149,14 @@ static void reduce_gives_the_bytes_of_the_dump(void **state) {
     assert_string_equal(reduced.err, "");
     assert_int_equal(count_lines(reduced.out, "point\t"), 2 * RECORDED_POINTS + 1);
     assert_int_equal(count_lines(reduced.out, "bracket\t"), 3);
-    const char *bracket = strstr(dump.out, "\nbracket\t");
-    assert_non_null(bracket);
+    assert_int_equal(count_lines(reduced.out, "linearity\t"), 1);
+    const char *first = strstr(dump.out, "\nlinearity\t");
+    assert_non_null(first);
     const char *after = strstr(dump.out, "\nestimation\t");
     assert_non_null(after);
-    size_t length = (size_t)(after - bracket);
+    size_t length = (size_t)(after - first);
     assert_int_equal(length, strlen(reduced.out));
-    assert_memory_equal(bracket + 1, reduced.out, length);
+    assert_memory_equal(first + 1, reduced.out, length);
     forget(&dump);
     forget(&reduced);
 }
