@@ -10,6 +10,7 @@
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
 #   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
 #   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
+#   make spread N=10000       so many fits of each published set: spread over the Cramer-Rao bound, bias, coverage
 #   make install DESTDIR= PREFIX=/usr/local
 
 VERSION := 0.1.0
@@ -181,6 +182,10 @@ demo:
 pulls: $(BUILD)/tests/scenario/test_pulls all
 	@SEEDS=$(or $(SEEDS),200) FIRST=$(or $(FIRST),1) $<
 
+# Of reflection-model.md 4.3 c; 10,000 fits judge the figures themselves, fewer with room for their scatter.
+spread: $(BUILD)/tests/unit/test_spread
+	@SPREAD_FITS=$(if $(filter command line,$(origin N)),$(N),10000) CMOCKA_MESSAGE_OUTPUT=TAP $<
+
 measured: $(BUILD)/tests/scenario/test_measured_surface all
 	@SEEDS=$(or $(SEEDS),20) FIRST=$(or $(FIRST),1) DRAWS=1 $<
 
@@ -188,6 +193,6 @@ clean:
 	rm -rf $(BUILD)
 
 FORCE:
-.PHONY: all bench tests fuzzers check deps lint asan crash fuzz install demo pulls measured clean FORCE
+.PHONY: all bench tests fuzzers check deps lint asan crash fuzz install demo pulls measured spread clean FORCE
 .SECONDARY:
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
