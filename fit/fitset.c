@@ -41,8 +41,9 @@ void fitset_free(struct fitset *d) {
         free(d->bracket[i].tau_us);
         free(d->bracket[i].tau_r_us);
     }
-    void *all[] = {d->theta_i_deg, d->theta_v_deg, d->beta,  d->u_ind,   d->bands,  d->bands_u,
-                   d->bands_cov,   d->mirrored,    d->cause, d->bracket, d->common, d->brackets};
+    void *all[] = {d->theta_i_deg, d->theta_v_deg, d->delta_phi_deg, d->beta,     d->u_ind,
+                   d->bands,       d->bands_u,     d->bands_cov,     d->mirrored, d->cause,
+                   d->bracket,     d->common,      d->brackets};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         free(all[i]);
     }
@@ -55,7 +56,7 @@ static int grow_points(struct fitset *d, struct err *e) {
         return 0;
     }
     int status = 0;
-    void *columns[] = {&d->theta_i_deg, &d->theta_v_deg, &d->beta, &d->u_ind};
+    void *columns[] = {&d->theta_i_deg, &d->theta_v_deg, &d->delta_phi_deg, &d->beta, &d->u_ind};
     for (size_t i = 0; i < sizeof columns / sizeof *columns && !status; i++) {
         status = reserve(columns[i], sizeof(double), capacity, e);
     }
@@ -103,6 +104,8 @@ int fitset_add_point(struct fitset *d, const struct fitset_point *point, struct 
     size_t i = d->n++;
     d->theta_i_deg[i] = point->theta_i_deg;
     d->theta_v_deg[i] = point->theta_v_deg;
+    d->delta_phi_deg[i] = point->delta_phi_deg;
+    d->has_directions = d->has_directions || point->delta_phi_deg != 0;
     d->mirrored[i] = point->mirrored;
     d->beta[i] = point->beta;
     d->u_ind[i] = point->u_ind;
@@ -231,6 +234,7 @@ int fitset_input(struct fitset *d, const struct estimate_input **input, struct e
     in->n = d->n;
     in->theta_i_deg = d->theta_i_deg;
     in->theta_v_deg = d->theta_v_deg;
+    in->delta_phi_deg = d->has_directions ? d->delta_phi_deg : NULL;
     in->mirrored = d->mirrored;
     in->beta = d->beta;
     in->u_ind = d->has_u ? d->u_ind : NULL;

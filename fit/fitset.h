@@ -16,6 +16,7 @@
 
 struct fitset_point {
     double theta_i_deg, theta_v_deg;
+    double delta_phi_deg; /* as struct estimate_input has it: 0 in plane */
     bool mirrored;
     double beta, u_ind;            /* of the visible mean; u_ind NaN = not known */
     const double *bands, *bands_u; /* [BANDS] or NULL */
@@ -40,9 +41,9 @@ struct fitset_bracket {
 struct fitset {
     struct estimate_input input; /* settings; its arrays are set by fitset_input */
     size_t n, capacity, band_capacity;
-    double *theta_i_deg, *theta_v_deg, *beta, *u_ind, *bands, *bands_u, *bands_cov;
+    double *theta_i_deg, *theta_v_deg, *delta_phi_deg, *beta, *u_ind, *bands, *bands_u, *bands_cov;
     bool *mirrored;
-    bool has_u, has_bands, has_bands_u, has_bands_cov;
+    bool has_u, has_directions, has_bands, has_bands_u, has_bands_cov;
     struct mask mask;          /* what readers of files let in, and counts of what they left out */
     bool independence_assumed; /* only a total uncertainty was given */
     struct fitset_cause *cause;

@@ -13,7 +13,7 @@ static const struct {
                        [MASK_THETA_I] = {"theta_i", "of an incidence beyond --max-theta-i"},
                        [MASK_THETA_V] = {"theta_v", "of a viewing angle beyond --max-theta-v"},
                        [MASK_BLIND] = {"blind", "nearer to the source than --blind"},
-                       [MASK_OUT_OF_PLANE] = {"out_of_plane", "out of the plane of incidence"}};
+                       [MASK_OUT_OF_PLANE] = {"out_of_plane", "out of the plane of incidence (--in-plane)"}};
 
 const char *mask_key(enum mask_rule rule) {
     return rules[rule].key;

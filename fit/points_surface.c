@@ -135,7 +135,10 @@ static int add_point(const struct brdf *b, size_t i, const struct channels *c, s
         return 0;
     }
     struct fitset_point point = {.theta_i_deg = g->theta_i_deg,
-                                 .theta_v_deg = g->theta_v_deg,
+                                 .theta_v_deg = g->in_plane             ? g->theta_v_deg
+                                                : g->delta_phi_deg > 90 ? g->theta_s_deg
+                                                                        : -g->theta_s_deg,
+                                 .delta_phi_deg = g->in_plane ? 0 : g->delta_phi_deg,
                                  .beta = mean_beta(&mean),
                                  .u_ind = mean_u(&mean),
                                  .bands = c->banded ? bands : NULL,

@@ -154,6 +154,30 @@ static int set_bounds(struct problem *p, struct err *e) {
     return 0;
 }
 
+static bool out_of_plane(const struct estimate_input *in, size_t i) {
+    return in->delta_phi_deg && in->delta_phi_deg[i] != 0;
+}
+
+/* Out of the plane a point has one geometry, and the bench's axes nothing to do with it. */
+static int set_directions(struct problem *p, struct err *e) {
+    const struct estimate_input *in = p->input;
+    int status = 0;
+    for (size_t i = 0; i < p->n && !status; i++) {
+        if (!out_of_plane(in, i)) {
+            continue;
+        }
+        status =
+            p->aperture.nodes > 1
+                ? err_set(e, ERR_RANGE,
+                          "point %zu lies out of the plane of incidence, where the angular widths of source "
+                          "and sensor are not known to act; leave them or the point out",
+                          i + 1)
+                : reflectance_geometry_general(&p->aperture.geometry[i], in->theta_i_deg[i],
+                                               fabs(in->theta_v_deg[i]), in->delta_phi_deg[i], e);
+    }
+    return status;
+}
+
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
     *p = (struct problem){.n = input->n, .input = input, .optics = {.kappa = input->kappa, .q = 1}};
     int status = reflectance_find(input->model, &p->model, e);
@@ -167,6 +191,7 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
     }
     status =
         status ? status : aperture_init(&p->aperture, &form, p->n, input->theta_i_deg, input->theta_v_deg, e);
+    status = status ? status : set_directions(p, e);
     for (size_t i = 0; i < p->n && !status; i++) {
         double u = input->u_ind ? fmax(input->u_ind[i], floor_of(input->beta[i])) : 1;
         set_weight(p, i, u * u);
@@ -273,13 +298,17 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
     struct noise_law law = {0};
     noise_of(p, &law);
     for (size_t i = 0; i < p->n; i++) {
-        int status = problem_axis_slopes(&p->aperture.form, p->model, value, &p->optics, in->theta_i_deg[i],
-                                         in->theta_v_deg[i], in->mirrored && in->mirrored[i],
-                                         &p->slope_source[i], &p->slope_sample[i], e);
+        int status = out_of_plane(in, i) ? 0
+                                         : problem_axis_slopes(&p->aperture.form, p->model, value, &p->optics,
+                                                               in->theta_i_deg[i], in->theta_v_deg[i],
+                                                               in->mirrored && in->mirrored[i],
+                                                               &p->slope_source[i], &p->slope_sample[i], e);
         if (status) {
             return status;
         }
-        add_spot(p, i);
+        if (!out_of_plane(in, i)) {
+            add_spot(p, i);
+        }
         if (!in->u_ind) {
             continue;
         }

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "fit/points.h"
+#include "fit/reflectance.h"
 #include "proto/units.h"
 #include "tests/support/goniometry.h"
 
@@ -217,6 +218,51 @@ static void points_without_bands_may_stand_before_points_with(void **state) {
     fitset_free(&d);
 }
 
+/* A paint seen from all azimuths: what general directions hold, the fit finds; in plane alone, it finds too. */
+static void points_out_of_plane_are_fitted(void **state) {
+    (void)state;
+    const double truth[MATERIAL_PARAMETERS] = {0.2, 0.3, 0.07, 7.6, 1.7};
+    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
+    char *text = malloc(400000);
+    int at = sprintf(text, "1 550\n"), n_plane = 0, n = 0;
+    for (double i = 10; i <= 60; i += 10) {
+        for (double r = 5; r <= 80; r += 5) {
+            for (double phi = 0; phi <= 180; phi += 20) {
+                struct reflectance_geometry g;
+                double beta;
+                assert_int_equal(reflectance_geometry_general(&g, i, r, phi, NULL), 0);
+                assert_int_equal(
+                    reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, truth, &optics, &beta, NULL, NULL), 0);
+                at += sprintf(text + at, "%.12g 0 %.12g %.12g %.12g\n", rad_from_deg(i), rad_from_deg(r),
+                              rad_from_deg(phi), beta / M_PI);
+                n++;
+                n_plane += phi == 0 || phi == 180;
+            }
+        }
+    }
+    for (int plane = 0; plane < 2; plane++) {
+        struct points_options o = {
+            .mask.in_plane = plane, .has_u = true, .u_relative = 0.005, .u_absolute = 0.001};
+        struct fitset d;
+        struct points_report report;
+        struct err_list errors = {0};
+        struct estimate estimate;
+        ok(read_text(text, ".brdf", &o, &d, &report, &errors), &errors);
+        assert_int_equal(d.n, plane ? n_plane : n);
+        assert_int_equal(d.mask.left_out[MASK_OUT_OF_PLANE], n - (int)d.n);
+        assert_int_equal(fitset_fit(&d, &estimate, NULL), 0);
+        assert_true(estimate.converged);
+        for (int p = 0; p <= MATERIAL_N; p++) {
+            assert_float_equal(estimate.value[p], truth[p], 1e-6 * truth[p]);
+        }
+        d.input.source_width_deg = 1;
+        struct err e = {0};
+        assert_int_equal(fitset_fit(&d, &estimate, &e), plane ? 0 : -ERR_RANGE);
+        fitset_free(&d);
+    }
+    free(text);
+}
+
 struct expected {
     const char *path, *azimuth;
     struct points_options options;
@@ -279,6 +325,7 @@ int main(void) {
         cmocka_unit_test(masks_count_what_they_leave_out),
         cmocka_unit_test(wavelengths_make_bands_and_means),
         cmocka_unit_test(points_without_bands_may_stand_before_points_with),
+        cmocka_unit_test(points_out_of_plane_are_fitted),
         cmocka_unit_test(measured_paints),
         cmocka_unit_test(measured_ptfe),
     };
