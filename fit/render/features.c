@@ -7,6 +7,7 @@ static const char *const names[FEATURES] = {
     [FEATURE_SPECULAR] = "specular",
     [FEATURE_LOBE_TAIL] = "tail of the lobe",
     [FEATURE_SIGMA] = "diffuse roughness",
+    [FEATURE_RELATIVES] = "heavy tail, second lobe, transmission",
     [FEATURE_EACH_DIRECTION] = "half vectors of each sample",
     [FEATURE_SHADOW_RAYS] = "shadow rays",
     [FEATURE_WAVELENGTHS] = "sums over wavelengths",
@@ -46,7 +47,8 @@ static void decide_lights(const struct scene *scene, struct features *f) {
 /* cos_i G / (cos_i cos_r) <= 2 / cos^2 theta_Q (reflectance.h: the merged visibility), so the lobe of this paint in
  * this light is nowhere above this. */
 static double lobe_peak(const struct scene *scene, const struct paint *paint, const struct light *light) {
-    if (paint->shade.beta_prime == 0 || light->share == 0) {
+    double height = paint->shade.beta_prime + paint->shade.beta_prime_2;
+    if (height == 0 || light->share == 0) {
         return 0;
     }
     if (!parallel(scene)) {
@@ -54,7 +56,7 @@ static double lobe_peak(const struct scene *scene, const struct paint *paint, co
     }
     struct shade_half half =
         shade_half(&paint->shade, light->direction, vec3_scale(scene->camera.forward, -1));
-    double peak = light->share * paint->shade.beta_prime * half.fresnel * 2 / half.cos2_q;
+    double peak = light->share * height * half.fresnel * 2 / half.cos2_q;
     return half.cos2_q > 0 ? peak : INFINITY;
 }
 
@@ -70,14 +72,30 @@ static double highest_peak(const struct scene *scene) {
     return highest;
 }
 
+/* phi^2 at which D of the paint, over its height at 0, has fallen below `part`. */
+static double end_of_lobe(const struct shade_paint *p, double part) {
+    double first =
+        p->tail > 0 ? expm1(-p->tail * log(part)) / (p->tail * p->tail_strength) : -log(part) / p->exponent;
+    return p->beta_prime_2 > 0 ? fmax(first, -log(part) / p->exponent_2) : first;
+}
+
 double features_lobe_cut(const struct scene *scene, const struct paint *paint, const struct light *light) {
     double peak = lobe_peak(scene, paint, light), tolerance = FEATURES_TOLERANCE / scene->n_lights;
     if (peak <= tolerance) {
         return INFINITY;
     }
-    double phi = sqrt(log(peak / tolerance) / paint->shade.exponent);
+    double phi = sqrt(end_of_lobe(&paint->shade, tolerance / peak));
     struct vec3 h = vec3_sub(light->direction, scene->camera.forward);
     return phi < M_PI ? cos(phi) * vec3_length(h) : -INFINITY;
+}
+
+static void decide_relatives(const struct scene *scene, struct features *f) {
+    int n = 0;
+    for (int i = 0; i < scene->n_paints; i++) {
+        const struct shade_paint *p = &scene->paint[i].shade;
+        n += p->tail > 0 || p->beta_prime_2 > 0 || p->n_d > 1;
+    }
+    decide(f, FEATURE_RELATIVES, n > 0, 0, "%d of %d materials", n, scene->n_paints);
 }
 
 static void decide_lobe(const struct scene *scene, struct features *f) {
@@ -104,8 +122,10 @@ static void decide_sigma(const struct scene *scene, struct features *f) {
             s = fmax(s, p->s[k]);
         }
         /* |direct| and |1 - cos(dphi) u^2| / 2 are at most 1, |side| at most 2 (shade.h). */
-        largest = fmax(largest, s * (1 - p->shade.c1 + p->shade.direct + 2 * p->shade.side) +
-                                    2 * s * s * p->shade.inter);
+        double through = p->shade.inverse_t0 * p->shade.inverse_t0; /* T is at most 1 */
+        double rough =
+            s * (1 - p->shade.c1 + p->shade.direct + 2 * p->shade.side) + 2 * s * s * p->shade.inter;
+        largest = fmax(largest, through * rough);
     }
     if (largest <= FEATURES_TOLERANCE) {
         decide(f, FEATURE_SIGMA, false, largest, "nowhere above %.2g", largest);
@@ -140,6 +160,7 @@ void features_find(const struct scene *scene, bool all, struct features *feature
     }
     decide_lights(scene, features);
     decide_lobe(scene, features);
+    decide_relatives(scene, features);
     decide_sigma(scene, features);
     decide(features, FEATURE_EACH_DIRECTION, !parallel(scene), 0,
            parallel(scene) ? "parallel light and camera" : "perspective camera");

@@ -19,6 +19,7 @@ enum feature {
     FEATURE_LIGHTS,         /* lights without power */
     FEATURE_SPECULAR,       /* lobe, Fresnel, plane c */
     FEATURE_LOBE_TAIL,      /* the lobe beyond the angle where it falls under the tolerance */
+    FEATURE_RELATIVES,      /* heavy tail, second lobe, transmission */
     FEATURE_SIGMA,          /* Oren-Nayar's direct terms, interreflection, plane b */
     FEATURE_EACH_DIRECTION, /* half vector and Fresnel of each sample instead of once */
     FEATURE_SHADOW_RAYS,

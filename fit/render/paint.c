@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "fit/fresnel.h"
+#include "fit/lobe.h"
 #include "fit/reflectance.h"
 #include "fit/render/sha256.h"
 #include "proto/session.h"
@@ -33,6 +35,41 @@ static double saturated(double sigma, double a) {
     return 1 / (1 + a / (sigma * sigma));
 }
 
+static int check_relatives(const struct paint *p, enum reflectance_model model, struct err *e) {
+    switch (model) {
+    case REFLECTANCE_HEAVY_TAIL:
+        return p->estimate.value[MATERIAL_EXTRA_1] <= 2
+                   ? check_value(p, MATERIAL_EXTRA_1, 0, e)
+                   : err_set(e, ERR_RANGE, "material %s: tail is %g; it must be 0 to 2", p->name,
+                             p->estimate.value[MATERIAL_EXTRA_1]);
+    case REFLECTANCE_TRANSMITTED:
+        return check_value(p, MATERIAL_EXTRA_1, 1, e);
+    case REFLECTANCE_TWO_LOBE: {
+        int status = check_value(p, MATERIAL_EXTRA_1, GAMMA_LOWEST, e);
+        return status ? status : check_value(p, MATERIAL_EXTRA_2, 0, e);
+    }
+    default:
+        return 0;
+    }
+}
+
+static void add_relatives(struct paint *p, enum reflectance_model model) {
+    const double *value = p->estimate.value;
+    double gamma = value_of(p, MATERIAL_GAMMA, 1), extra = value[MATERIAL_EXTRA_1], log_slope;
+    p->shade.n_d = p->shade.inverse_t0 = 1;
+    if (model == REFLECTANCE_HEAVY_TAIL) {
+        struct lobe_tail t = lobe_tail_of(extra);
+        p->shade.tail = t.tail;
+        p->shade.tail_strength = t.strength / (gamma * gamma);
+    } else if (model == REFLECTANCE_TRANSMITTED) {
+        p->shade.n_d = extra;
+        p->shade.inverse_t0 = 1 / fresnel_transmittance_normal(extra, &log_slope);
+    } else if (model == REFLECTANCE_TWO_LOBE) {
+        p->shade.beta_prime_2 = value[MATERIAL_EXTRA_2];
+        p->shade.exponent_2 = M_LN2 / (extra * extra);
+    }
+}
+
 static int prepare_shade(struct paint *p, struct err *e) {
     enum reflectance_model model;
     int status = reflectance_find(p->estimate.model, &model, e);
@@ -40,6 +77,7 @@ static int prepare_shade(struct paint *p, struct err *e) {
     status = status ? status : check_value(p, MATERIAL_BETA_PRIME, 0, e);
     status = status ? status : check_value(p, MATERIAL_GAMMA, GAMMA_LOWEST, e);
     status = status ? status : check_value(p, MATERIAL_N, 1, e);
+    status = status ? status : check_relatives(p, model, e);
     double sigma = value_of(p, MATERIAL_SIGMA, 0), gamma = value_of(p, MATERIAL_GAMMA, 1);
     double n = value_of(p, MATERIAL_N, 1);
     p->shade = (struct shade_paint){
@@ -51,6 +89,9 @@ static int prepare_shade(struct paint *p, struct err *e) {
         .exponent = M_LN2 / (gamma * gamma),
         .n2_1 = (n - 1) * (n + 1),
     };
+    if (!status) {
+        add_relatives(p, model);
+    }
     return status;
 }
 

@@ -5,9 +5,8 @@
  * measured bands: the straight line), and `held` marks it; paint_held_share says how much of X, Y and Z under an
  * illuminant rests on such bands.
  *
- * Models     lambert, oren-nayar, eq1, composite (fit/reflectance.h): sigma 0 is Lambert, beta' 0 has no lobe.
- * Domain     S >= 0 (above 1 is allowed and said), sigma >= 0, beta' >= 0, gamma >= 1e-9, n >= 1, all finite and at
- *            most 1e50: wider than the fit's, so that a picture can leave a part out by its parameter.
+ * Models     all of fit/reflectance.h, seen without polariser; sigma 0 is Lambert, beta' 0 has no lobe.
+ * Domain     S >= 0, sigma >= 0, beta' >= 0, gamma >= 1e-9, n >= 1, n_d >= 1, tail 0 .. 2, finite and at most 1e50: wider than the fit's, so that a picture can leave a part out by its parameter.
  * Errors     -ERR_RANGE a parameter or S outside the domain; -ERR_STATE a session without a converged estimate or
  *            without S(lambda).
  * Checked    tests/unit/test_render_paint.c

@@ -2,8 +2,10 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "fit/render/encode.h"
+#include "fit/render/tint.h"
 
 /* The whole white: each light as much of it as its share. */
 static int white_of(const struct scene *scene, double white[3], struct err *e) {
@@ -22,81 +24,117 @@ static int white_of(const struct scene *scene, double white[3], struct err *e) {
     return 0;
 }
 
-struct colouring { /* by paint and set: what makes X, Y, Z of a, b, c */
+struct colouring { /* by paint and set: what makes X, Y, Z (or what follows them) of a, b, c */
     const struct scene *scene;
+    const struct planes *planes;
     bool by_wavelength;
-    double scale[PLANES_SETS]; /* 1 / sum E ybar */
-    struct colour_matrix (*matrix)[PLANES_SETS];
+    struct colour_matrix after;                  /* of X, Y, Z */
+    double scale[PLANES_SETS];                   /* 1 / sum E ybar */
+    struct colour_matrix (*matrix)[PLANES_SETS]; /* `after` is contained */
 };
 
-static int make_colouring(const struct scene *scene, struct colouring *colouring, struct err *e) {
+static int make_colouring(struct colouring *c, const struct scene *scene, const struct planes *planes,
+                          const struct colour_matrix *after, bool by_wavelength, struct err *e) {
+    enum colour_observer observer = (enum colour_observer)scene->image.observer;
     int status = 0;
-    for (int j = 0; j < scene->n_spds; j++) {
-        double xyz[3];
-        colour_sum(scene->spd[j].power, (enum colour_observer)scene->image.observer, xyz);
-        colouring->scale[j] = 1 / xyz[1];
-    }
-    colouring->matrix = malloc((size_t)SCENE_PAINTS * sizeof *colouring->matrix);
-    if (!colouring->matrix) {
+    *c =
+        (struct colouring){.scene = scene, .planes = planes, .by_wavelength = by_wavelength, .after = *after};
+    c->matrix = calloc(SCENE_PAINTS, sizeof *c->matrix);
+    if (!c->matrix) {
         return err_set(e, ERR_NOMEM, "no memory to colour");
     }
-    for (int p = 0; p < scene->n_paints && !status; p++) {
-        for (int j = 0; j < scene->n_spds && !status; j++) {
-            status =
-                colour_collapse(scene->paint[p].s, scene->spd[j].power,
-                                (enum colour_observer)scene->image.observer, &colouring->matrix[p][j], e);
+    for (int j = 0; j < scene->n_spds && !status; j++) {
+        double xyz[3];
+        colour_sum(scene->spd[j].power, observer, xyz);
+        c->scale[j] = 1 / xyz[1];
+        for (int p = 0; p < scene->n_paints && !status; p++) {
+            status = colour_collapse(scene->paint[p].s, scene->spd[j].power, observer, &c->matrix[p][j], e);
+            c->matrix[p][j] = colour_multiply(after, &c->matrix[p][j]);
         }
-    }
-    if (status) {
-        free(colouring->matrix);
     }
     return status;
 }
 
-static void sum_wavelengths(const struct colouring *c, int paint, int set, const double abc[3], double *xyz) {
+/* The sum that the matrix replaces. */
+static void sum_wavelengths(const struct colouring *c, int paint, int set, const double abc[3], double *out) {
     const double *s = c->scene->paint[paint].s, *power = c->scene->spd[set].power;
-    double radiance[BANDS];
+    double radiance[BANDS], xyz[3];
     for (int k = 0; k < BANDS; k++) {
         radiance[k] = c->scale[set] * power[k] * (abc[0] * s[k] + abc[1] * s[k] * s[k] + abc[2]);
     }
     colour_sum(radiance, (enum colour_observer)c->scene->image.observer, xyz);
+    colour_apply(&c->after, xyz, out);
 }
 
-static void add_colour(const struct colouring *c, int paint, int set, const double abc[3], double *xyz) {
+static void add_pixel(const struct colouring *c, int paint, int set, const double abc[3], size_t at,
+                      double *const out[3]) {
     double part[3];
     if (c->by_wavelength) {
         sum_wavelengths(c, paint, set, abc, part);
     } else {
         colour_apply(&c->matrix[paint][set], abc, part);
     }
-    xyz[0] += part[0];
-    xyz[1] += part[1];
-    xyz[2] += part[2];
+    for (int k = 0; k < 3; k++) {
+        out[k][at] += part[k];
+    }
+}
+
+/* Pixels first .. first + n - 1, all of one paint, into out[.][at ...]. */
+static void add_run(const struct colouring *c, int paint, size_t first, size_t n, size_t at,
+                    double *const out[3]) {
+    for (int j = 0; j < c->planes->n_sets; j++) {
+        const double *pa = c->planes->set[j].a + first;
+        const double *pb = c->planes->set[j].b ? c->planes->set[j].b + first : NULL;
+        const double *pc = c->planes->set[j].c ? c->planes->set[j].c + first : NULL;
+        if (!c->by_wavelength) {
+            tint_add(&c->matrix[paint][j], n, pa, pb, pc,
+                     (double *const[]){out[0] + at, out[1] + at, out[2] + at});
+            continue;
+        }
+        for (size_t i = 0; i < n; i++) {
+            add_pixel(c, paint, j, (double[]){pa[i], pb ? pb[i] : 0, pc ? pc[i] : 0}, at + i, out);
+        }
+    }
+}
+
+/* Row y into three planes of width values; *extra: the first extra that belongs to it or a later row. */
+static void colour_row(const struct colouring *c, int y, size_t *extra, double *const out[3]) {
+    const struct planes *p = c->planes;
+    size_t width = (size_t)p->width, first = (size_t)y * width;
+    const int16_t *paint = p->paint + first;
+    for (int k = 0; k < 3; k++) {
+        memset(out[k], 0, width * sizeof *out[k]);
+    }
+    for (size_t x = 0, end; x < width; x = end) {
+        for (end = x + 1; end < width && paint[end] == paint[x]; end++) {
+        }
+        if (paint[x] >= 0) {
+            add_run(c, paint[x], first + x, end - x, x, out);
+        }
+    }
+    for (; *extra < p->n_extra && p->extra[*extra].pixel < first + width; ++*extra) {
+        const struct planes_extra *x = &p->extra[*extra];
+        add_pixel(c, x->paint, x->set, (double[]){x->abc.a, x->abc.b, x->abc.c}, x->pixel - first, out);
+    }
 }
 
 int render_xyz(const struct scene *scene, const struct planes *planes, bool by_wavelength, double *xyz,
                struct err *e) {
-    struct colouring colouring = {.scene = scene, .by_wavelength = by_wavelength};
-    size_t n = (size_t)planes->width * (size_t)planes->height;
-    int status = make_colouring(scene, &colouring, e);
-    if (status) {
-        return status;
-    }
-    for (size_t i = 0; i < n; i++) {
-        xyz[3 * i] = xyz[3 * i + 1] = xyz[3 * i + 2] = 0;
-        for (int j = 0; j < planes->n_sets && planes->paint[i] >= 0; j++) {
-            double abc[3] = {planes->set[j].a[i], planes->set[j].b ? planes->set[j].b[i] : 0,
-                             planes->set[j].c ? planes->set[j].c[i] : 0};
-            add_colour(&colouring, planes->paint[i], j, abc, xyz + 3 * i);
+    static const struct colour_matrix same = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    size_t width = (size_t)planes->width, extra = 0;
+    double *row = malloc(3 * width * sizeof *row);
+    struct colouring colouring = {0};
+    int status = row ? 0 : err_set(e, ERR_NOMEM, "no memory to colour");
+    status = status ? status : make_colouring(&colouring, scene, planes, &same, by_wavelength, e);
+    for (int y = 0; y < planes->height && !status; y++) {
+        colour_row(&colouring, y, &extra, (double *const[]){row, row + width, row + 2 * width});
+        for (size_t i = 0; i < 3 * width; i++) {
+            *xyz++ = row[i % 3 * width + i / 3];
         }
     }
-    for (size_t i = 0; i < planes->n_extra; i++) {
-        const struct planes_extra *x = &planes->extra[i];
-        add_colour(&colouring, x->paint, x->set, (double[]){x->abc.a, x->abc.b, x->abc.c},
-                   xyz + 3 * (size_t)x->pixel);
-    }
     free(colouring.matrix);
-    return 0;
+    free(row);
+    return status;
 }
 
 /* From XYZ under the scene's lights to linear RGB of the picture's space, exposed. */
@@ -118,51 +156,58 @@ static struct colour_matrix display_of(const struct scene *scene, const double w
 /* Rounding in the matrices is no colour outside the gamut. */
 #define GAMUT_SLACK 1e-9
 
-static void encode_pixel(struct picture *p, const struct encode *encode, const double rgb[3],
-                         uint16_t *code) {
-    bool above = false, below = false;
-    for (int k = 0; k < 3; k++) {
-        above = above || rgb[k] > 1 + GAMUT_SLACK;
-        below = below || rgb[k] < -GAMUT_SLACK;
-        code[k] = encode_code(encode, rgb[k]);
+/* luminance: the row of the inverse that gives Y. */
+static void encode_row(struct picture *p, const struct encode *encode, const double luminance[3],
+                       const double *const rgb[3], uint16_t *code) {
+    for (int x = 0; x < p->width; x++) {
+        double r = rgb[0][x], g = rgb[1][x], b = rgb[2][x];
+        p->clipped += r > 1 + GAMUT_SLACK || g > 1 + GAMUT_SLACK || b > 1 + GAMUT_SLACK;
+        p->out_of_gamut += r < -GAMUT_SLACK || g < -GAMUT_SLACK || b < -GAMUT_SLACK;
+        p->max_y = fmax(p->max_y, luminance[0] * r + luminance[1] * g + luminance[2] * b);
+        code[3 * x] = encode_code(encode, r);
+        code[3 * x + 1] = encode_code(encode, g);
+        code[3 * x + 2] = encode_code(encode, b);
     }
-    p->clipped += above;
-    p->out_of_gamut += below;
 }
 
-static void encode_picture(struct picture *p, const struct encode *encode,
-                           const struct colour_matrix *display, const double *xyz) {
-    size_t n = (size_t)p->width * (size_t)p->height;
-    for (size_t i = 0; i < n; i++) {
-        double rgb[3];
-        colour_apply(display, xyz + 3 * i, rgb);
-        p->max_y = fmax(p->max_y, xyz[3 * i + 1]);
-        encode_pixel(p, encode, rgb, p->rgb + 3 * i);
+static void encode_picture(struct picture *p, const struct colouring *colouring, const struct encode *encode,
+                           double *row) {
+    struct colour_matrix back = colour_inverse(&colouring->after);
+    size_t width = (size_t)p->width, extra = 0;
+    double *const plane[3] = {row, row + width, row + 2 * width};
+    for (int y = 0; y < p->height; y++) {
+        colour_row(colouring, y, &extra, plane);
+        encode_row(p, encode, back.m[1], (const double *const[]){plane[0], plane[1], plane[2]},
+                   p->rgb + 3 * (size_t)y * width);
     }
 }
 
 int render_picture(const struct scene *scene, const struct planes *planes, bool by_wavelength,
                    struct picture *picture, struct err *e) {
-    size_t n = 3 * (size_t)planes->width * (size_t)planes->height;
+    size_t width = (size_t)planes->width, n = 3 * width * (size_t)planes->height;
     struct encode encode = {0};
-    double *xyz = malloc(n * sizeof *xyz);
+    struct colouring colouring = {0};
+    double *row = malloc(3 * width * sizeof *row);
     *picture = (struct picture){.width = planes->width,
                                 .height = planes->height,
                                 .bits = scene->image.bits,
                                 .space = (enum colour_space)scene->image.space,
                                 .rgb = malloc(n * sizeof *picture->rgb)};
-    int status = xyz && picture->rgb ? 0 : err_set(e, ERR_NOMEM, "no memory for the picture");
+    int status = row && picture->rgb ? 0 : err_set(e, ERR_NOMEM, "no memory for the picture");
     status = status ? status : white_of(scene, picture->white, e);
-    status = status ? status : render_xyz(scene, planes, by_wavelength, xyz, e);
     status = status ? status : encode_make(&encode, colour_curve(picture->space), picture->bits, e);
     if (!status) {
         struct colour_matrix display = display_of(scene, picture->white);
-        encode_picture(picture, &encode, &display, xyz);
-        encode_free(&encode);
+        status = make_colouring(&colouring, scene, planes, &display, by_wavelength, e);
+    }
+    if (!status) {
+        encode_picture(picture, &colouring, &encode, row);
     } else {
         picture_free(picture);
     }
-    free(xyz);
+    free(colouring.matrix);
+    encode_free(&encode);
+    free(row);
     return status;
 }
 

@@ -13,7 +13,8 @@ static bool kept(const struct features *f, enum feature feature) {
 
 static unsigned shade_mask(const struct features *f) {
     bool hoisted = !kept(f, FEATURE_EACH_DIRECTION), specular = kept(f, FEATURE_SPECULAR);
-    return (kept(f, FEATURE_SIGMA) ? SHADE_SIGMA : 0) | (specular ? SHADE_SPECULAR : 0) |
+    return (kept(f, FEATURE_RELATIVES) ? SHADE_RELATIVES : 0) | (kept(f, FEATURE_SIGMA) ? SHADE_SIGMA : 0) |
+           (specular ? SHADE_SPECULAR : 0) |
            (hoisted && (specular || kept(f, FEATURE_SIGMA)) ? SHADE_HOISTED : 0) |
            (hoisted && specular && !kept(f, FEATURE_LOBE_TAIL) ? SHADE_LOBE_CUT : 0);
 }

@@ -78,6 +78,10 @@ static void material_of_parameters(struct check *c, const char *at, const struct
     x->value[MATERIAL_GAMMA] = m->gamma;
     x->value[MATERIAL_BETA_PRIME] = m->beta_prime;
     x->value[MATERIAL_N] = m->n;
+    x->value[MATERIAL_EXTRA_1] = strcmp(x->model, "heavy-tail") == 0    ? m->tail
+                                 : strcmp(x->model, "transmitted") == 0 ? m->n_d
+                                                                        : m->gamma_2;
+    x->value[MATERIAL_EXTRA_2] = m->beta_prime_2;
     x->kappa = m->kappa;
     x->converged = x->has_spectrum = true;
     for (int k = 0; k < BANDS; k++) {

@@ -25,7 +25,7 @@ struct scene_material { /* as written; becomes paint[same index] */
     char name[64], session[256], spectrum[256];
     int model;
     bool has_uniform;
-    double uniform, sigma, gamma, beta_prime, n, kappa;
+    double uniform, sigma, gamma, beta_prime, n, kappa, tail, n_d, gamma_2, beta_prime_2;
 };
 
 struct scene_image {

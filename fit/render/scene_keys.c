@@ -16,7 +16,8 @@
         .default_text = before, .doc = text                                                                  \
     }
 
-const char *const scene_models[] = {"lambert", "oren-nayar", "eq1", "composite", NULL};
+const char *const scene_models[] = {"lambert",    "oren-nayar",  "eq1",      "composite",
+                                    "heavy-tail", "transmitted", "two-lobe", NULL};
 const char *const scene_observers[] = {"1931-2deg", "1964-10deg", NULL};
 const char *const scene_spaces[] = {"srgb", "display-p3", "adobe-rgb", NULL};
 const char *const scene_adaptations[] = {"none", "von-kries", "bradford", "cat16", NULL};
@@ -54,6 +55,10 @@ static const struct yaml_key material_keys[] = {
     PARAMETER("gamma", gamma, 1e-9, "0.1", "specular roughness"),
     PARAMETER("beta_prime", beta_prime, 0, "0", "specular coefficient"),
     PARAMETER("n", n, 1, "1.5", "refractive index"),
+    PARAMETER("tail", tail, 0, "0", "of the lobe, heavy-tail alone: 0 (Gaussian) to 2"),
+    PARAMETER("n_d", n_d, 1, "1", "index of the surface that diffuse light passes, transmitted alone"),
+    PARAMETER("gamma_2", gamma_2, 1e-9, "0.3", "roughness of the second lobe, two-lobe alone"),
+    PARAMETER("beta_prime_2", beta_prime_2, 0, "0", "its coefficient"),
     PARAMETER("kappa", kappa, 0, "1", "of the interreflection; pi is the paper's printed form"),
     {0}};
 

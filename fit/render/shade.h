@@ -28,7 +28,8 @@ enum shade_feature {
     SHADE_SIGMA = 1,    /* Oren-Nayar's direct terms and b */
     SHADE_SPECULAR = 2, /* c */
     SHADE_HOISTED = 4,
-    SHADE_LOBE_CUT = 8
+    SHADE_LOBE_CUT = 8,
+    SHADE_RELATIVES = 16 /* a heavy tail, a second lobe, transmission in and out */
 };
 
 struct shade_paint { /* whatever of a paint depends on no direction */
@@ -37,8 +38,11 @@ struct shade_paint { /* whatever of a paint depends on no direction */
     double side;     /* 0.125 sigma^2 / (sigma^2 + 0.09) */
     double inter;    /* 0.17 kappa sigma^2 / (sigma^2 + 0.13) */
     double beta_prime;
-    double exponent; /* ln 2 / gamma^2 */
-    double n2_1;     /* (n - 1)(n + 1) */
+    double exponent;                 /* ln 2 / gamma^2 */
+    double n2_1;                     /* (n - 1)(n + 1) */
+    double tail, tail_strength;      /* D = (1 + tail strength phi^2)^(-1 / tail); tail 0: the Gaussian */
+    double beta_prime_2, exponent_2; /* of the second lobe; 0: none */
+    double n_d, inverse_t0;          /* diffuse part times T(theta_i) T(theta_r) / T(0)^2; n_d 1: none */
 };
 
 struct shade_half { /* of one light and one eye direction */
@@ -87,6 +91,23 @@ static inline void shade_rough(const struct shade_paint *p, double ci, double cr
     out->b = ci * p->inter * (1 - cos_dphi * u * u);
 }
 
+/* T(theta) / T(0) of unpolarised light (fit/fresnel.h). */
+static inline double shade_transmittance(const struct shade_paint *p, double c) {
+    double n2 = p->n_d * p->n_d, root = sqrt((p->n_d - 1) * (p->n_d + 1) + c * c);
+    double sum = root + c, sum_p = n2 * c + root;
+    return 2 * c * root * (1 / (sum * sum) + n2 / (sum_p * sum_p)) * p->inverse_t0;
+}
+
+static inline double shade_distribution(const unsigned features, const struct shade_paint *p, double phi2) {
+    if (!(features & SHADE_RELATIVES)) {
+        return p->beta_prime * exp(-p->exponent * phi2);
+    }
+    double first =
+        p->tail > 0 ? exp(-log1p(p->tail * p->tail_strength * phi2) / p->tail) : exp(-p->exponent * phi2);
+    double second = p->beta_prime_2 > 0 ? p->beta_prime_2 * exp(-p->exponent_2 * phi2) : 0;
+    return p->beta_prime * first + second;
+}
+
 /* The lobe times cos theta_i. */
 static inline double shade_lobe(const unsigned features, const struct shade_paint *p,
                                 const struct shade_half *half, struct vec3 n, double ci, double cr) {
@@ -98,7 +119,7 @@ static inline double shade_lobe(const unsigned features, const struct shade_pain
     double phi = atan2(sqrt(vec3_dot(across, across)), along);
     double open = 1 / cr, shadowed = ci * along / (fmax(ci, cr) * half->cos2_q);
     double visibility = shadowed < open ? shadowed : open;
-    return p->beta_prime * exp(-p->exponent * phi * phi) * visibility * half->fresnel;
+    return shade_distribution(features, p, phi * phi) * visibility * half->fresnel;
 }
 
 static inline struct shade_abc shade(const unsigned features, const struct shade_paint *p,
@@ -112,6 +133,11 @@ static inline struct shade_abc shade(const unsigned features, const struct shade
     out.a = ci;
     if (features & SHADE_SIGMA) {
         shade_rough(p, ci, cr, (features & SHADE_HOISTED) ? fixed->l_dot_v : vec3_dot(l, v), &out);
+    }
+    if ((features & SHADE_RELATIVES) && p->n_d > 1) {
+        double through = shade_transmittance(p, ci) * shade_transmittance(p, cr);
+        out.a *= through;
+        out.b *= through;
     }
     if (features & SHADE_SPECULAR) {
         struct shade_half own;

@@ -28,18 +28,21 @@ static struct shade_abc shade_by(unsigned features, const struct shade_paint *p,
 #define CASE(mask)                                                                                           \
     case mask:                                                                                               \
         return shade(mask, p, half, n, l, v);
-        CASE(0)
-        CASE(SHADE_SIGMA)
-        CASE(SHADE_SPECULAR)
-        CASE(SHADE_SPECULAR | SHADE_SIGMA)
-        CASE(SHADE_SPECULAR | SHADE_HOISTED)
-        CASE(SHADE_SPECULAR | SHADE_SIGMA | SHADE_HOISTED)
-        CASE(SHADE_SPECULAR | SHADE_HOISTED | SHADE_LOBE_CUT)
-        CASE(SHADE_SPECULAR | SHADE_SIGMA | SHADE_HOISTED | SHADE_LOBE_CUT)
-        CASE(SHADE_SIGMA | SHADE_HOISTED)
+#define CASES(more)                                                                                          \
+    CASE(more)                                                                                               \
+    CASE((more) | SHADE_SIGMA)                                                                               \
+    CASE((more) | SHADE_SPECULAR)                                                                            \
+    CASE((more) | SHADE_SPECULAR | SHADE_SIGMA)
+        CASES(0)
+        CASES(SHADE_HOISTED)
+        CASES(SHADE_HOISTED | SHADE_LOBE_CUT)
+        CASES(SHADE_RELATIVES)
+        CASES(SHADE_RELATIVES | SHADE_HOISTED)
+        CASES(SHADE_RELATIVES | SHADE_HOISTED | SHADE_LOBE_CUT)
+#undef CASES
 #undef CASE
-    default: /* whatever is not listed is the whole model */
-        return shade(SHADE_SIGMA | SHADE_SPECULAR, p, half, n, l, v);
+    default: /* there is no other: a lobe is only cut where its half vector is hoisted */
+        return shade(SHADE_RELATIVES | SHADE_SIGMA | SHADE_SPECULAR, p, half, n, l, v);
     }
 }
 

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/reflectance.h"
 #include "fit/render/paint.h"
 #include "proto/units.h"
 
@@ -72,6 +73,41 @@ static void vectors_give_the_printed_equations(void **state) {
               fabs(got.c - (double)exact[2]) < 2e-14 * size))
             fail_msg("draw %d: %.17g %.17g %.17g, exactly %.17Lg %.17Lg %.17Lg at %g %g %g", draw, got.a,
                      got.b, got.c, exact[0], exact[1], exact[2], theta_i, theta_r, dphi);
+    }
+}
+
+/* The vector form of each model against the fit's, which is judged against MPFR. */
+static void every_model_is_the_fits(void **state) {
+    (void)state;
+    unsigned short dice[3] = {2, 7, 1};
+    struct vec3 n = {0, 0, 1};
+    for (int draw = 0; draw < 14000; draw++) {
+        enum reflectance_model model = (enum reflectance_model)(draw % REFLECTANCE_MODELS);
+        struct paint p = {.name = "test", .estimate.s_lambda = {1}};
+        double value[] = {.1 + erand48(dice), .1 + erand48(dice),  .02 + .3 * erand48(dice),
+                          20 * erand48(dice), 1.3 + erand48(dice), 0,
+                          erand48(dice)};
+        struct reflectance_optics optics = {.kappa = 1.5, .q = 1};
+        struct reflectance_geometry g;
+        struct reflectance_parts parts;
+        double theta_i = 88 * erand48(dice), theta_r = 88 * erand48(dice), dphi = 180 * erand48(dice);
+        value[MATERIAL_EXTRA_1] = model == REFLECTANCE_HEAVY_TAIL    ? 2 * erand48(dice)
+                                  : model == REFLECTANCE_TRANSMITTED ? 1 + erand48(dice)
+                                                                     : .3 + erand48(dice);
+        snprintf(p.estimate.model, sizeof p.estimate.model, "%s", reflectance_name(model));
+        memcpy(p.estimate.value, value, sizeof value);
+        p.estimate.kappa = optics.kappa;
+        assert_int_equal(paint_prepare(&p, NULL), 0);
+        assert_int_equal(reflectance_geometry_general(&g, theta_i, theta_r, dphi, NULL), 0);
+        assert_int_equal(reflectance_eval_parts(model, &g, value, &optics, &parts, NULL), 0);
+        struct vec3 l = toward(rad_from_deg(theta_i), 0),
+                    v = toward(rad_from_deg(theta_r), rad_from_deg(dphi));
+        struct shade_abc x = shade(ALL | SHADE_RELATIVES, &p.shade, NULL, n, l, v);
+        double s = value[MATERIAL_S], size = 1 + fabs(parts.specular);
+        double diffuse = l.z * (parts.diffuse + parts.interreflection), specular = l.z * parts.specular;
+        if (!(fabs(x.a * s + x.b * s * s - diffuse) < 1e-13 && fabs(x.c - specular) < 2e-12 * size))
+            fail_msg("draw %d, %s at %g %g %g: %.17g + %.17g, the fit has %.17g + %.17g", draw,
+                     p.estimate.model, theta_i, theta_r, dphi, x.a * s + x.b * s * s, x.c, diffuse, specular);
     }
 }
 
@@ -141,6 +177,7 @@ static void sigma_zero_is_lambert(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(vectors_give_the_printed_equations),
+        cmocka_unit_test(every_model_is_the_fits),
         cmocka_unit_test(light_and_eye_may_change_places),
         cmocka_unit_test(hoisting_changes_no_bit),
         cmocka_unit_test(no_extreme_gives_a_nan),
