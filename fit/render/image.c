@@ -14,7 +14,7 @@ typedef int image_writer(void *file, const struct picture *picture, const unsign
 static const struct {
     const char *ending;
     image_writer *write;
-} formats[] = {{".png", image_png}};
+} formats[] = {{".png", image_png}, {".tif", image_tiff}, {".tiff", image_tiff}};
 #define FORMATS (sizeof formats / sizeof *formats)
 
 static image_writer *writer_of(const char *path) {
@@ -28,7 +28,7 @@ static image_writer *writer_of(const char *path) {
 }
 
 int image_known(const char *path, struct err *e) {
-    return writer_of(path) ? 0 : err_set(e, ERR_USAGE, "%s: a picture is written as .png", path);
+    return writer_of(path) ? 0 : err_set(e, ERR_USAGE, "%s: a picture is written as .png or .tif", path);
 }
 
 static int write_whole(const char *part, image_writer *write, const struct picture *picture,

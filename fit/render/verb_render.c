@@ -14,7 +14,7 @@
 #include "proto/number.h"
 
 static const char help[] =
-    "usage: goniorender render SCENE.yaml -o FILE.png [--report R.json] [--all-features] [--threads N]\n"
+    "usage: goniorender render SCENE.yaml -o FILE.png|FILE.tif [--report R.json] [--all-features] [--threads N]\n"
     "                          [--session MATERIAL=FILE]... [--planes P.exr]\n"
     "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"

@@ -10,6 +10,7 @@
 
 #include <lcms2.h>
 #include <png.h>
+#include <tiffio.h>
 #include <unistd.h>
 
 #include "fit/render/icc.h"
@@ -69,6 +70,42 @@ static void a_png_reads_back(void **state) {
     unlink(path);
 }
 
+/* Through libtiff's reader: the codes, the profile, the origin. */
+static void a_tiff_reads_back(void **state) {
+    (void)state;
+    char path[] = "/tmp/goniod-picture-XXXXXX.tif";
+    close(mkstemps(path, 4));
+    for (int bits = 8; bits <= 16; bits += 8) {
+        uint16_t rgb[3 * WIDTH * HEIGHT], row[3 * WIDTH], depth;
+        unsigned char *profile, *expected;
+        size_t expected_size;
+        uint32_t size, width;
+        const char *text;
+        struct picture picture = picture_of(bits, rgb);
+        struct err e = {0};
+        if (image_write(path, &picture, "{\"origin\":\"σ\"}", &e))
+            fail_msg("%s", e.text);
+        TIFF *tiff = TIFFOpen(path, "r");
+        assert_non_null(tiff);
+        assert_true(TIFFGetField(tiff, TIFFTAG_IMAGEWIDTH, &width) && width == WIDTH);
+        assert_true(TIFFGetField(tiff, TIFFTAG_BITSPERSAMPLE, &depth) && depth == bits);
+        for (int y = 0; y < HEIGHT; y++) {
+            assert_int_equal(TIFFReadScanline(tiff, row, (uint32_t)y, 0), 1);
+            for (int i = 0; i < 3 * WIDTH; i++)
+                assert_int_equal(bits == 8 ? ((unsigned char *)row)[i] : row[i], rgb[y * 3 * WIDTH + i]);
+        }
+        assert_true(TIFFGetField(tiff, TIFFTAG_IMAGEDESCRIPTION, &text));
+        assert_string_equal(text, "{\"origin\":\"\\u03C3\"}");
+        assert_true(TIFFGetField(tiff, TIFFTAG_ICCPROFILE, &size, &profile));
+        assert_int_equal(icc_make(COLOUR_DISPLAY_P3, &expected, &expected_size, NULL), 0);
+        assert_int_equal(size, expected_size);
+        assert_memory_equal(profile, expected, size);
+        free(expected);
+        TIFFClose(tiff);
+    }
+    unlink(path);
+}
+
 static void a_raster_is_what_was_written(void **state) {
     (void)state;
     char path[] = "/tmp/goniod-picture-XXXXXX.png", *bytes;
@@ -98,9 +135,8 @@ static void a_raster_is_what_was_written(void **state) {
     assert_int_equal(raster_read(path, &raster, NULL), -ERR_IO);
 }
 
-static void the_same_picture_gives_the_same_bytes(void **state) {
-    (void)state;
-    char path[] = "/tmp/goniod-picture-XXXXXX.png", *first, *second;
+static void same_bytes(char *path) {
+    char *first, *second;
     size_t size[2];
     uint16_t rgb[3 * WIDTH * HEIGHT];
     struct picture picture = picture_of(16, rgb);
@@ -114,6 +150,13 @@ static void the_same_picture_gives_the_same_bytes(void **state) {
     free(first);
     free(second);
     unlink(path);
+}
+
+static void the_same_picture_gives_the_same_bytes(void **state) {
+    (void)state;
+    char png[] = "/tmp/goniod-picture-XXXXXX.png", tiff[] = "/tmp/goniod-picture-XXXXXX.tif";
+    same_bytes(png);
+    same_bytes(tiff);
 }
 
 /* Little CMS, given our profile, makes of linear greys and primaries what the curve and the matrix say. */
@@ -166,6 +209,7 @@ static void what_cannot_be_written_is_said(void **state) {
         setvbuf(full, NULL, _IONBF, 0);
         assert_int_equal(icc_make(COLOUR_SRGB, &profile, &size, NULL), 0);
         assert_int_equal(image_png(full, &picture, profile, size, "{}", NULL), -ERR_IO);
+        assert_int_equal(image_tiff(full, &picture, profile, size, "{}", NULL), -ERR_IO);
         free(profile);
         fclose(full);
     }
@@ -174,6 +218,7 @@ static void what_cannot_be_written_is_said(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_png_reads_back),
+        cmocka_unit_test(a_tiff_reads_back),
         cmocka_unit_test(a_raster_is_what_was_written),
         cmocka_unit_test(the_same_picture_gives_the_same_bytes),
         cmocka_unit_test(the_profile_is_the_space),
