@@ -6,23 +6,7 @@
 
 #include "fit/render/encode.h"
 #include "fit/render/tint.h"
-
-/* The whole white: each light as much of it as its share. */
-static int white_of(const struct scene *scene, double white[3], struct err *e) {
-    white[0] = white[1] = white[2] = 0;
-    for (int i = 0; i < scene->n_lights; i++) {
-        double own[3];
-        int status = colour_white(scene->spd[scene->light[i].spd].power,
-                                  (enum colour_observer)scene->image.observer, own, e);
-        if (status) {
-            return status;
-        }
-        for (int k = 0; k < 3; k++) {
-            white[k] += scene->light[i].share * own[k];
-        }
-    }
-    return 0;
-}
+#include "fit/render/white.h"
 
 struct colouring { /* by paint and set: what makes X, Y, Z (or what follows them) of a, b, c */
     const struct scene *scene;
@@ -137,22 +121,6 @@ int render_xyz(const struct scene *scene, const struct planes *planes, bool by_w
     return status;
 }
 
-/* From XYZ under the scene's lights to linear RGB of the picture's space, exposed. */
-static struct colour_matrix display_of(const struct scene *scene, const double white[3]) {
-    double target[3];
-    enum colour_space space = (enum colour_space)scene->image.space;
-    colour_space_white(space, target);
-    /* Without any light there is no white to adapt from. */
-    struct colour_matrix adapt = colour_adapt(
-        white[1] > 0 ? (enum colour_adaptation)scene->image.adaptation : COLOUR_NONE, white, target);
-    struct colour_matrix rgb = colour_from_xyz(space);
-    rgb = colour_multiply(&rgb, &adapt);
-    for (int i = 0; i < 9; i++) {
-        rgb.m[i / 3][i % 3] *= scene->image.exposure;
-    }
-    return rgb;
-}
-
 /* Rounding in the matrices is no colour outside the gamut. */
 #define GAMUT_SLACK 1e-9
 
@@ -197,7 +165,7 @@ int render_picture(const struct scene *scene, const struct planes *planes, bool 
     status = status ? status : white_of(scene, picture->white, e);
     status = status ? status : encode_make(&encode, colour_curve(picture->space), picture->bits, e);
     if (!status) {
-        struct colour_matrix display = display_of(scene, picture->white);
+        struct colour_matrix display = white_display(scene, picture->space, picture->white);
         status = make_colouring(&colouring, scene, planes, &display, by_wavelength, e);
     }
     if (!status) {

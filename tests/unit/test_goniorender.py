@@ -126,6 +126,17 @@ def test_recolour_needs_no_scene(folder):
         assert code == 2 and err and not (folder / "x.png").exists(), words
 
 
+def test_spectral_picture_and_tiff(folder):
+    scene = small(folder, "cylinder.yaml")
+    code, out, err = run("render", scene, "-o", folder / "p.tif", "--spectral", folder / "s.exr")
+    assert code == 0, err
+    tiff, exr = (folder / "p.tif").read_bytes(), (folder / "s.exr").read_bytes()
+    assert tiff[:4] in (b"II*\0", b"MM\0*") and b'"materials"' in tiff
+    assert exr[:4] == b"\x76\x2f\x31\x01" and b"S0.550,000000nm\0" in exr and b'"materials"' in exr
+    code, out, err = run("render", small(folder, "raking.yaml"), "-o", folder / "r.png", "--spectral", folder / "r.exr")
+    assert code == 2 and "series" in err and not (folder / "r.exr").exists()
+
+
 def test_bad_input_starts_nothing(folder):
     bad = folder / "bad.yaml"
     bad.write_text("camera: {orthographic: {height_mm: 50}}\nlights:\n  - beam: {theta: 20}\n")
