@@ -5,9 +5,11 @@
 #include "fit/render/scene_keys.h"
 
 static const char help[] =
-    "usage: goniorender render SCENE.yaml -o FILE.png | recolour PLANES.exr -o FILE.png\n"
+    "usage: goniorender render SCENE.yaml -o FILE.png | recolour PLANES.exr -o FILE.png |\n"
+    "       goniorender diff SCENE.yaml [OTHER.yaml] [-o FILE.png]\n"
     "  render             renders a scene of painted shapes\n"
     "  recolour           another light, observer or paint for planes that were rendered\n"
+    "  diff               how different two materials, lights or scenes look (CIEDE2000)\n"
     "  --scene-reference  prints every key of a scene file\n"
     "  goniorender COMMAND --help tells more; --version prints the version\n"
     "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
@@ -37,7 +39,8 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"render", verb_render},  {"recolour", verb_recolour},    {"--scene-reference", command_reference},
+    {"render", verb_render},  {"recolour", verb_recolour},
+    {"diff", verb_diff},      {"--scene-reference", command_reference},
     {"--help", command_help}, {"--version", command_version},
 };
 

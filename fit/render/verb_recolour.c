@@ -47,14 +47,6 @@ static int take_exposure(const char *text, struct recolour *o, struct err *e) {
                : err_set(e, ERR_USAGE, "--exposure is a number above 0, not '%s'", text);
 }
 
-static int take_spd(const char *text, struct recolour *o, struct err *e) {
-    if (o->n_spds == SCENE_LIGHTS) {
-        return err_set(e, ERR_USAGE, "--spd is given more than %d times", SCENE_LIGHTS);
-    }
-    o->spd[o->n_spds++] = text;
-    return 0;
-}
-
 static int take_option(int c, struct recolour *o, struct err *e) {
     static const char *const bits[] = {"8", "16", NULL};
     int status = 0, index;
@@ -63,7 +55,7 @@ static int take_option(int c, struct recolour *o, struct err *e) {
         o->output = optarg;
         return 0;
     case 'l':
-        return take_spd(optarg, o, e);
+        return verb_spd(optarg, o->spd, &o->n_spds, e);
     case 's':
         return verb_session(optarg, o->session, &o->n_sessions, e);
     case 'b':
@@ -106,24 +98,6 @@ static int read_options(int argc, char **argv, struct recolour *o, struct err *e
     }
     o->planes = argv[optind];
     return status ? status : image_known(o->output, e);
-}
-
-static int change_lights(const struct recolour *o, struct scene *scene, struct err_list *errors,
-                         struct err *e) {
-    int status = 0;
-    if (o->n_spds > scene->n_spds) {
-        return err_set(e, ERR_USAGE, "%d spectra are given; the planes were rendered with %d", o->n_spds,
-                       scene->n_spds);
-    }
-    for (int j = 0; j < o->n_spds && !status; j++) {
-        status = spd_find(&scene->spd[j], o->spd[j], ".", errors, e);
-        for (int i = 0; i < scene->n_lights && !status; i++) {
-            if (scene->light[i].spd == j) {
-                snprintf(scene->light[i].spd_name, sizeof scene->light[i].spd_name, "%s", o->spd[j]);
-            }
-        }
-    }
-    return status;
 }
 
 static int change_paints(const struct recolour *o, struct scene *scene, struct err *e) {
@@ -190,7 +164,7 @@ int verb_recolour(int argc, char **argv) {
     int status = read_options(argc, argv, &o, &e);
     if (status == 0) {
         status = planes_load(o.planes, &scene, &planes, &rendered, &e);
-        status = status ? status : change_lights(&o, scene, &errors, &e);
+        status = status ? status : verb_lights(scene, o.spd, o.n_spds, &errors, &e);
         status = status ? status : change_paints(&o, scene, &e);
         if (!status) {
             change_image(&o, &scene->image);

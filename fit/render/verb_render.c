@@ -12,12 +12,11 @@
 #include "fit/render/planes_file.h"
 #include "fit/render/spectral.h"
 #include "fit/stopwatch.h"
-#include "proto/number.h"
 
 static const char help[] =
-    "usage: goniorender render SCENE.yaml -o FILE.png|FILE.tif [--report R.json] [--all-features] [--threads "
+    "usage: goniorender render SCENE.yaml -o FILE.png|FILE.tif [--report R.json] [--all-features]\n"
+    "                          [--session MATERIAL=FILE]... [--planes P.exr] [--spectral S.exr] [--threads "
     "N]\n"
-    "                          [--session MATERIAL=FILE]... [--planes P.exr] [--spectral S.exr]\n"
     "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
     "  --planes P.exr    a, b, c of each pixel, for goniorender recolour (not of a series)\n"
@@ -34,15 +33,6 @@ struct options {
     struct scene_session session[SCENE_PAINTS];
     int n_sessions;
 };
-
-static int take_threads(const char *text, struct options *o, struct err *e) {
-    int64_t n;
-    if (!number_read_int(text, &n) || n < 1 || n > 256) {
-        return err_set(e, ERR_USAGE, "--threads is 1 to 256, not '%s'", text);
-    }
-    o->render.threads = (int)n;
-    return 0;
-}
 
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
@@ -78,7 +68,7 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             status = verb_session(optarg, o->session, &o->n_sessions, e);
             break;
         case 't':
-            status = take_threads(optarg, o, e);
+            status = verb_threads(optarg, &o->render.threads, e);
             break;
         case 'h':
             fputs(help, stdout);

@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "proto/number.h"
+
 static volatile sig_atomic_t cancelled;
 
 static void cancel(int number) {
@@ -69,5 +71,38 @@ int verb_session(char *text, struct scene_session session[SCENE_PAINTS], int *n,
     }
     *equals = 0;
     session[(*n)++] = (struct scene_session){text, equals + 1};
+    return 0;
+}
+
+int verb_spd(const char *text, const char *spd[SCENE_LIGHTS], int *n, struct err *e) {
+    if (*n == SCENE_LIGHTS) {
+        return err_set(e, ERR_USAGE, "--spd is given more than %d times", SCENE_LIGHTS);
+    }
+    spd[(*n)++] = text;
+    return 0;
+}
+
+int verb_lights(struct scene *scene, const char *const *spd, int n, struct err_list *errors, struct err *e) {
+    int status = 0;
+    if (n > scene->n_spds) {
+        return err_set(e, ERR_USAGE, "%d spectra are given; the scene has lights of %d", n, scene->n_spds);
+    }
+    for (int j = 0; j < n && !status; j++) {
+        status = spd_find(&scene->spd[j], spd[j], ".", errors, e);
+        for (int i = 0; i < scene->n_lights && !status; i++) {
+            if (scene->light[i].spd == j) {
+                snprintf(scene->light[i].spd_name, sizeof scene->light[i].spd_name, "%s", spd[j]);
+            }
+        }
+    }
+    return status;
+}
+
+int verb_threads(const char *text, int *threads, struct err *e) {
+    int64_t n;
+    if (!number_read_int(text, &n) || n < 1 || n > 256) {
+        return err_set(e, ERR_USAGE, "--threads is 1 to 256, not '%s'", text);
+    }
+    *threads = (int)n;
     return 0;
 }

@@ -15,6 +15,7 @@
 
 int verb_render(int argc, char **argv);
 int verb_recolour(int argc, char **argv);
+int verb_diff(int argc, char **argv);
 int verb_complain(const char *command, const struct err *e);
 int verb_complain_all(struct err_list *errors); /* prints, frees */
 /* Becomes 1 at the first SIGINT or SIGTERM after the call; the second ends the process. */
@@ -25,5 +26,10 @@ char *verb_line(int argc, char **argv);
 int verb_session(char *text, struct scene_session session[SCENE_PAINTS], int *n, struct err *e);
 /* FILE-007.png for FILE.png, where a series has several pictures. */
 void verb_numbered(const char *path, int number, char *out, size_t size);
+/* --spd given once more. */
+int verb_spd(const char *text, const char *spd[SCENE_LIGHTS], int *n, struct err *e);
+/* The first n spectra of the scene's lights become these. */
+int verb_lights(struct scene *scene, const char *const *spd, int n, struct err_list *errors, struct err *e);
+int verb_threads(const char *text, int *threads, struct err *e);
 
 #endif

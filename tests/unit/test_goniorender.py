@@ -137,6 +137,30 @@ def test_spectral_picture_and_tiff(folder):
     assert code == 2 and "series" in err and not (folder / "r.exr").exists()
 
 
+def test_diff(folder):
+    scene = small(folder, "cylinder.yaml")
+    code, out, err = run("diff", scene, "--other-spd", "A", "-o", folder / "d.png", "--report", folder / "d.json",
+                         "--values", folder / "d.exr")
+    assert code == 0 and "CIEDE2000: mean" in out, err
+    report = json.loads((folder / "d.json").read_text())
+    assert origin_of(folder / "d.png") == report and (folder / "d.exr").stat().st_size > 1000
+    assert 0.5 < report["mean"] <= report["p95"] <= report["max"] and report["pixels_in_one_only"] == [0, 0]
+    assert [report[half]["lights"][0]["spd"] for half in ("first", "second")] == ["D65", "A"]
+    # The same said by two scene files, and a scene against itself.
+    other = folder / "other.yaml"
+    other.write_text(scene.read_text().replace("D65", "A"))
+    assert run("diff", scene, other, "--report", folder / "e.json")[0] == 0
+    again = json.loads((folder / "e.json").read_text())
+    for key in ("mean", "p95", "max", "mean_lab_second"):
+        assert again[key] == report[key], key
+    assert run("diff", scene, scene, "--report", folder / "e.json")[0] == 0
+    assert json.loads((folder / "e.json").read_text())["max"] == 0
+    for words in ([], [scene, "--other-spd", "X"], [scene, "--spd", "A", "--spd", "A"], [scene, "--top", "0"],
+                  [scene, small(folder, "swatches.yaml", width=31)], [small(folder, "raking.yaml")]):
+        code, out, err = run("diff", *words, "--values", folder / "x.exr")
+        assert code == 2 and err and not (folder / "x.exr").exists(), (words, code, err)
+
+
 def test_bad_input_starts_nothing(folder):
     bad = folder / "bad.yaml"
     bad.write_text("camera: {orthographic: {height_mm: 50}}\nlights:\n  - beam: {theta: 20}\n")
