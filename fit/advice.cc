@@ -39,6 +39,25 @@ Vector row_of(const struct problem *p, const double *value, const double *chain,
     return Eigen::Map<const Matrix>(chain, p->k, p->k).transpose() * Eigen::Map<const Vector>(gradient, p->k);
 }
 
+/* Viewing angles worth a look at one incidence: every 5 deg, and the flanks of the lobe, which a step may miss. */
+std::vector<double> candidates(const struct problem *p, const double *value, double i_deg) {
+    std::vector<double> all;
+    for (double v_deg = -80; v_deg <= 80; v_deg += 5) {
+        all.push_back(v_deg);
+    }
+    if (reflectance_column(p->model, MATERIAL_GAMMA) >= 0) {
+        const double half_width_deg =
+            2 * value[MATERIAL_GAMMA] * 180 / M_PI; /* phi is half of theta_v - theta_i */
+        for (double widths : {-1.5, -0.8, 0.8, 1.5}) {
+            const double v_deg = std::round(2 * (i_deg + widths * half_width_deg)) / 2; /* to 0.5 deg */
+            if (std::fabs(v_deg) <= 80) {
+                all.push_back(v_deg);
+            }
+        }
+    }
+    return all;
+}
+
 void search(const struct problem *p, const double *value, const struct uncertainty *u, int column,
             struct advice *next) {
     double chain[UNCERTAINTY_CELLS], best = -1, beta = 0, reach = 60;
@@ -49,7 +68,7 @@ void search(const struct problem *p, const double *value, const struct uncertain
     const Matrix c = prior_covariance(p, u);
     const double relative = relative_u(p);
     for (double i_deg = 10; i_deg <= reach; i_deg += 5) {
-        for (double v_deg = -80; v_deg <= 80; v_deg += 5) {
+        for (double v_deg : candidates(p, value, i_deg)) {
             if (std::fabs(i_deg + v_deg) < BLIND_DEG) {
                 continue;
             }

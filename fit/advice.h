@@ -2,8 +2,8 @@
  * advice.h — which one geometry more would tell the most about a parameter.
  *
  * From the Fisher information of the points there are: of all candidates (incidence 10..60 deg, or as far as
- * measured; viewing -80..80 deg; every 5 deg, none nearer than 8 deg to the source) the one that takes most
- * off the parameter's variance when measured with the set's own relative uncertainty.
+ * measured; viewing -80..80 deg; every 5 deg, with the flanks of the lobe to 0.5 deg; none nearer than 8 deg to the
+ * source) the one that takes most off the parameter's variance when measured with the set's own relative uncertainty.
  * Checked    tests/unit/test_estimate_limits.c
  */
 #ifndef FIT_ADVICE_H

@@ -7,6 +7,7 @@
 
 #include "fit/advice.h"
 #include "fit/crossval.h"
+#include "fit/gap.h"
 #include "fit/limit.h"
 #include "fit/misfit.h"
 #include "fit/profile.h"
@@ -17,7 +18,10 @@ namespace {
 
 /* A logarithmic uncertainty of 0.5 is a factor 1.65 either way: the value is then a guess, not a result. */
 constexpr double U_LN_MAX = 0.5;
-constexpr double AT_BOUND = 1e-7;           /* in coordinates; the solver stops exactly on a bound */
+constexpr double AT_BOUND = 1e-7; /* in coordinates; the solver stops exactly on a bound */
+constexpr size_t FLANK_POINTS_MIN = 2;
+constexpr double NARROWEST_RAD =
+    0.01; /* the lower bound of gamma: half of such a lobe is seen at this distance */
 constexpr double Z_95 = 1.6448536269514722; /* one-sided */
 
 class Verdict {
@@ -35,6 +39,7 @@ class Verdict {
 
   private:
     void find_bounds();
+    bool hangs_on_lost_lobe(int column, const bool *lost) const;
     int refuse(struct err *e);
     int fill_quality(struct err *e);
     int judge_misfit(double chi2, struct err *e);
@@ -44,8 +49,9 @@ class Verdict {
     int fill_limit(int column, struct err *e);
     void add_shift(int column, const double *x_at_limit);
     void clear_bound_rows();
-    int explain_gap(int column, struct err *e);
     void find_lost_lobe();
+    void find_unsampled();
+    void add_saturation(int column);
     int find_gaps(struct err *e);
     void warn_physics();
     int fill_spectrum(struct err *e);
@@ -84,13 +90,26 @@ void Verdict::find_bounds() {
         free_[j] = x[j] > p_->low[j] + AT_BOUND && x[j] < p_->high[j] - AT_BOUND;
         out_->at_bound[parameter(j)] = !free_[j];
     }
-    if (has(MATERIAL_BETA_PRIME) && out_->at_bound[MATERIAL_BETA_PRIME]) {
-        for (int j = 0; j < k_; j++) { /* no lobe: nothing in the data knows its width or index */
-            if (parameter(j) == MATERIAL_GAMMA || parameter(j) == MATERIAL_N) {
-                free_[j] = false;
-                out_->not_identifiable[parameter(j)] = true;
-            }
+    for (int j = 0; j < k_; j++) { /* without a lobe nothing in the data knows its width, tail or index */
+        if (hangs_on_lost_lobe(j, out_->at_bound)) {
+            free_[j] = false;
+            out_->not_identifiable[parameter(j)] = true;
         }
+    }
+}
+
+/* The index is told by either lobe. */
+bool Verdict::hangs_on_lost_lobe(int column, const bool *lost) const {
+    const bool first = lost[MATERIAL_BETA_PRIME], second = lost[MATERIAL_EXTRA_2];
+    switch (reflectance_kind(p_->model, parameter(column))) {
+    case REFLECTANCE_WIDTH:
+        return parameter(column) == MATERIAL_GAMMA ? first : second;
+    case REFLECTANCE_TAIL:
+        return first;
+    case REFLECTANCE_INDEX:
+        return first && (second || !has(MATERIAL_EXTRA_2));
+    default:
+        return false;
     }
 }
 
@@ -253,7 +272,27 @@ int Verdict::fill_limit(int column, struct err *e) {
                    out_->value[parameter(column)], value[parameter(column)]);
     }
     add_shift(column, at_limit);
+    add_saturation(column);
     return 0;
+}
+
+/* Beyond about 1 rad sigma no longer shows (reflection-model.md 1.2), so the surface may well be rougher than the bound:
+ * what the others would then be is part of their u. */
+void Verdict::add_saturation(int column) {
+    const double beyond = 0.4; /* in ln sigma: half as rough again */
+    if (reflectance_kind(p_->model, parameter(column)) != REFLECTANCE_ROUGHNESS ||
+        fit_->best.x[column] < p_->high[column] - AT_BOUND) {
+        return;
+    }
+    bool held[COORDINATES_MAX] = {};
+    double start[COORDINATES_MAX];
+    struct solve_result rougher;
+    std::copy(fit_->best.x, fit_->best.x + COORDINATES_MAX, start);
+    held[column] = true;
+    start[column] += beyond;
+    if (solve_run(p_, start, held, &rougher, nullptr, nullptr) == 0) {
+        add_shift(column, rougher.x);
+    }
 }
 
 /* A parameter at its bound, or without a lobe to show it, has no standard deviation. */
@@ -272,54 +311,45 @@ double Verdict::relative_u(int column) const {
     return std::sqrt(out_->statistical[at][at] + out_->common[at][at]) / size;
 }
 
-/* Why these points do not tell a parameter, and the geometry that would. */
-int Verdict::explain_gap(int column, struct err *e) {
-    struct advice next = {};
-    int status = advice_next(p_, fit_->value, &u_, column, &next, e);
-    struct material_gap *gap = &out_->gap[parameter(column)];
-    if (free_[column]) {
-        std::snprintf(gap->why, sizeof gap->why, "%s is known to %.0f %% only, incidence %g to %g deg",
-                      name(column), 100 * std::min(relative_u(column), 1e4), out_->theta_i_low_deg,
-                      out_->theta_i_high_deg);
-    } else if (out_->at_bound[parameter(column)]) {
-        std::snprintf(gap->why, sizeof gap->why, "every value of %s within its bounds fits these points",
-                      name(column));
-    } else {
-        std::snprintf(gap->why, sizeof gap->why, "no lobe in these points shows %s", name(column));
-    }
-    gap->has_next = status == 0;
-    gap->next_theta_i_deg = next.theta_i_deg;
-    gap->next_theta_v_deg = next.theta_v_deg;
-    words_warn(out_, "%s is not identifiable: %s; measure next at incidence %g deg, viewing %g deg",
-               name(column), gap->why, next.theta_i_deg, next.theta_v_deg);
-    return status;
-}
-
-/* A lobe whose height is a guess: width and index are then told by noise, whatever their own u says. */
+/* A lobe whose height is a guess: what hangs on it is then told by noise, whatever its own u says. */
 void Verdict::find_lost_lobe() {
+    bool lost[MATERIAL_PARAMETERS] = {};
     for (int j = 0; j < k_; j++) {
         const int at = j * k_ + j;
-        if (parameter(j) != MATERIAL_BETA_PRIME || !free_[j] ||
-            std::sqrt(u_.independent[at] + u_.drift[at] + u_.common[at]) <= U_LN_MAX) {
-            continue;
+        const double u = std::sqrt(u_.independent[at] + u_.drift[at] + u_.common[at]);
+        lost[parameter(j)] = reflectance_kind(p_->model, parameter(j)) == REFLECTANCE_HEIGHT &&
+                             (out_->at_bound[parameter(j)] || u > U_LN_MAX);
+    }
+    for (int j = 0; j < k_; j++) {
+        if ((lost[parameter(j)] && free_[j]) || hangs_on_lost_lobe(j, lost)) {
+            out_->not_identifiable[parameter(j)] = true;
         }
-        for (int i = 0; i < k_; i++) {
-            if (parameter(i) == MATERIAL_GAMMA || parameter(i) == MATERIAL_N || i == j) {
-                out_->not_identifiable[parameter(i)] = true;
-            }
-        }
+    }
+}
+
+/* What lies between the samples: the width of a lobe that no point sees the flank of, the height of one that none sees. */
+void Verdict::find_unsampled() {
+    for (int j = 0; j < k_; j++) {
+        const enum reflectance_kind kind = reflectance_kind(p_->model, parameter(j));
+        const bool narrow = kind == REFLECTANCE_WIDTH && free_[j] &&
+                            gap_flank_points(p_, out_->value[parameter(j)]) < FLANK_POINTS_MIN;
+        const bool unseen =
+            kind == REFLECTANCE_HEIGHT && out_->at_bound[parameter(j)] && gap_nearest_phi(p_) > NARROWEST_RAD;
+        out_->not_identifiable[parameter(j)] |= narrow || unseen;
     }
 }
 
 int Verdict::find_gaps(struct err *e) {
     int status = 0;
     find_lost_lobe();
+    find_unsampled();
     for (int j = 0; j < k_ && !status; j++) {
         if (free_[j] && !(relative_u(j) <= U_LN_MAX)) {
             out_->not_identifiable[parameter(j)] = true;
         }
         if (out_->not_identifiable[parameter(j)]) {
-            status = explain_gap(j, e);
+            const struct gap gap = {j, free_[j], relative_u(j)};
+            status = gap_explain(&gap, p_, fit_->value, &u_, out_, e);
         }
     }
     return status;

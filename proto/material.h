@@ -72,7 +72,7 @@ struct estimate {
     double source_width_deg, sensor_width_deg; /* what the points were seen through */
     bool beam_in_view;
     int n_warnings;
-    char warning[MATERIAL_WARNINGS][160];
+    char warning[MATERIAL_WARNINGS][256];
 };
 
 /* "S", "sigma", ... "tail"; NULL where the model has no such parameter or there is no such model. */
