@@ -21,6 +21,10 @@ static const char help[] =
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
     "  --planes P.exr    a, b, c of each pixel, for goniorender recolour (not of a series)\n"
     "  --spectral S.exr  the radiance of each pixel in 81 bands, with R, G, B beside (Fichet et al. 2021)\n"
+    "  --uncertainty U.exr\n"
+    "                    covariance of XYZ and L*a*b* by pixel and CIEDE2000 of drawn paints, from the "
+    "joint\n"
+    "                    fits of the sessions; the error of the picture's own sampling (not of a series)\n"
     "  --session M=FILE  this session for the material M, whatever the scene names\n"
     "  --report R.json   what the picture carries as its origin, and the seconds it took\n"
     "  --all-features    leaves nothing out that the scene does not need\n"
@@ -28,7 +32,7 @@ static const char help[] =
     "exit status: 0 done, 1 the work failed or was interrupted, 2 bad usage or bad input\n";
 
 struct options {
-    const char *scene, *output, *report, *planes, *spectral;
+    const char *scene, *output, *report, *planes, *spectral, *uncertainty;
     struct render_options render;
     struct scene_session session[SCENE_PAINTS];
     int n_sessions;
@@ -36,15 +40,12 @@ struct options {
 
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
-    static const struct option known[] = {{"output", required_argument, NULL, 'o'},
-                                          {"report", required_argument, NULL, 'r'},
-                                          {"all-features", no_argument, NULL, 'a'},
-                                          {"threads", required_argument, NULL, 't'},
-                                          {"session", required_argument, NULL, 's'},
-                                          {"planes", required_argument, NULL, 'p'},
-                                          {"spectral", required_argument, NULL, 'S'},
-                                          {"help", no_argument, NULL, 'h'},
-                                          {NULL, 0, NULL, 0}};
+    static const struct option known[] = {
+        {"output", required_argument, NULL, 'o'},   {"report", required_argument, NULL, 'r'},
+        {"all-features", no_argument, NULL, 'a'},   {"threads", required_argument, NULL, 't'},
+        {"session", required_argument, NULL, 's'},  {"planes", required_argument, NULL, 'p'},
+        {"spectral", required_argument, NULL, 'S'}, {"uncertainty", required_argument, NULL, 'u'},
+        {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
     int status = 0;
     optind = 1;
     for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
@@ -63,6 +64,9 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             break;
         case 'S':
             o->spectral = optarg;
+            break;
+        case 'u':
+            o->uncertainty = optarg;
             break;
         case 's':
             status = verb_session(optarg, o->session, &o->n_sessions, e);
@@ -153,6 +157,9 @@ static int write_picture(const struct job *job, const char *path, const struct r
     if (!status && job->options.spectral) {
         status = spectral_save(job->options.spectral, job->scene, planes, text, e);
     }
+    if (!status && job->options.uncertainty) {
+        status = verb_uncertainty(job->options.uncertainty, job->scene, &job->options.render, origin, e);
+    }
     json_t *times = times_json(job, report, colour_s, stopwatch_s() - started);
     if (origin) {
         json_object_set(origin, "seconds", times);
@@ -228,8 +235,10 @@ int verb_render(int argc, char **argv) {
         free(job.line);
         return verb_complain_all(&errors);
     }
-    if (job.scene->n_pictures > 1 && (job.options.planes || job.options.spectral)) {
-        err_set(&e, ERR_USAGE, "--planes and --spectral hold one picture; this scene is a series of %d",
+    if (job.scene->n_pictures > 1 &&
+        (job.options.planes || job.options.spectral || job.options.uncertainty)) {
+        err_set(&e, ERR_USAGE,
+                "--planes, --spectral and --uncertainty hold one picture; this scene is a series of %d",
                 job.scene->n_pictures);
         free(job.line);
         scene_free(job.scene);

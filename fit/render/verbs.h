@@ -10,7 +10,9 @@
 
 #include <signal.h>
 
-#include "fit/render/scene.h"
+#include <jansson.h>
+
+#include "fit/render/render.h"
 #include "proto/err.h"
 
 int verb_render(int argc, char **argv);
@@ -31,5 +33,8 @@ int verb_spd(const char *text, const char *spd[SCENE_LIGHTS], int *n, struct err
 /* The first n spectra of the scene's lights become these. */
 int verb_lights(struct scene *scene, const char *const *spd, int n, struct err_list *errors, struct err *e);
 int verb_threads(const char *text, int *threads, struct err *e);
+/* The uncertainty of the picture of a scene as an EXR, its figures into origin["uncertainty"]. */
+int verb_uncertainty(const char *path, const struct scene *scene, const struct render_options *options,
+                     json_t *origin, struct err *e);
 
 #endif

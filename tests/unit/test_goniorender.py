@@ -137,6 +137,19 @@ def test_spectral_picture_and_tiff(folder):
     assert code == 2 and "series" in err and not (folder / "r.exr").exists()
 
 
+def test_uncertainty_of_what_is_exactly_known(folder):
+    scene = small(folder, "cylinder.yaml")
+    code, out, err = run("render", scene, "-o", folder / "p.png", "--uncertainty", folder / "u.exr",
+                         "--report", folder / "r.json")
+    assert code == 0 and "counts as exactly known: it is given by parameters" in err, err
+    said = json.loads((folder / "r.json").read_text())["uncertainty"]
+    assert said["median_of_p95"] == 0 and said["p95_of_sampling"] > 0 and said["exactly_known"] == ["green"], said
+    assert b"covLab.ab\0" in (folder / "u.exr").read_bytes()
+    code, out, err = run("render", small(folder, "raking.yaml"), "-o", folder / "s.png", "--uncertainty",
+                         folder / "s.exr")
+    assert code == 2 and "series" in err
+
+
 def test_diff(folder):
     scene = small(folder, "cylinder.yaml")
     code, out, err = run("diff", scene, "--other-spd", "A", "-o", folder / "d.png", "--report", folder / "d.json",
