@@ -10,6 +10,7 @@ static const char help[] =
     "  render             renders a scene of painted shapes\n"
     "  recolour           another light, observer or paint for planes that were rendered\n"
     "  diff               how different two materials, lights or scenes look (CIEDE2000)\n"
+    "  sheet              one rendering under many lights, side by side\n"
     "  --scene-reference  prints every key of a scene file\n"
     "  goniorender COMMAND --help tells more; --version prints the version\n"
     "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
@@ -39,9 +40,13 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"render", verb_render},  {"recolour", verb_recolour},
-    {"diff", verb_diff},      {"--scene-reference", command_reference},
-    {"--help", command_help}, {"--version", command_version},
+    {"render", verb_render},
+    {"recolour", verb_recolour},
+    {"diff", verb_diff},
+    {"sheet", verb_sheet},
+    {"--scene-reference", command_reference},
+    {"--help", command_help},
+    {"--version", command_version},
 };
 
 int main(int argc, char **argv) {

@@ -174,6 +174,24 @@ def test_diff(folder):
         assert code == 2 and err and not (folder / "x.exr").exists(), (words, code, err)
 
 
+def test_sheet(folder):
+    scene = small(folder, "cylinder.yaml")
+    assert run("render", scene, "-o", folder / "r.png", "--planes", folder / "p.exr")[0] == 0
+    for source in (scene, folder / "p.exr"):
+        code, out, err = run("sheet", source, "-o", folder / "s.png")
+        assert code == 0 and "row 2, column 3: F11" in out, err
+        assert struct.unpack(">II", dict(chunks(folder / "s.png"))["IHDR"][:8]) == (3 * 32 + 8, 2 * 24 + 4)
+        tiles = origin_of(folder / "s.png")["sheet"]["tiles"]
+        assert [t["spd"] for t in tiles] == ["A", "D50", "D65", "F2", "F7", "F11"]
+    code, out, err = run("sheet", scene, "-o", folder / "s.tif", "--spd", "D65", "--spd", "5003 K", "--columns", "1",
+                         "--report", folder / "s.json")
+    assert code == 0 and json.loads((folder / "s.json").read_text())["sheet"]["rows"] == 2, err
+    for words in ([], [scene, "--spd", "X"], [scene, "--columns", "0"], [small(folder, "raking.yaml")],
+                  [folder / "p.exr", "--session", "green=x.gonio"]):
+        code, out, err = run("sheet", *words, "-o", folder / "x.png")
+        assert code == 2 and err and not (folder / "x.png").exists(), (words, code, err)
+
+
 def test_bad_input_starts_nothing(folder):
     bad = folder / "bad.yaml"
     bad.write_text("camera: {orthographic: {height_mm: 50}}\nlights:\n  - beam: {theta: 20}\n")
