@@ -105,11 +105,14 @@ struct reading {
 };
 
 static int take_dim(struct reading *r, const char *text) {
-    if (sscanf(text, "%d %d", &r->n_in, &r->n_out) != 2 || r->n_in < 1 || r->n_in > INPUTS_MAX ||
-        r->n_out < 1 || r->n_out > OUTPUTS_MAX)
+    int n_in, n_out;
+    if (sscanf(text, "%d %d", &n_in, &n_out) != 2 || n_in < 1 || n_in > INPUTS_MAX || n_out < 1 ||
+        n_out > OUTPUTS_MAX)
         return lines_error(&r->lines, 1, r->errors,
                            "#DIM must give the numbers of input (1 to %d) and output columns (1 to %d)",
                            INPUTS_MAX, OUTPUTS_MAX);
+    r->n_in = n_in;
+    r->n_out = n_out;
     return 0;
 }
 
@@ -134,8 +137,10 @@ static int take_out(struct reading *r, const char *name) {
 }
 
 static int take_interval(struct reading *r, const char *text) {
-    if (sscanf(text, "%d", &r->interval) != 1 || r->interval < 0 || r->interval > 2)
+    int interval;
+    if (sscanf(text, "%d", &interval) != 1 || interval < 0 || interval > 2)
         return lines_error(&r->lines, 1, r->errors, "#VS is 0, 1 or 2, not '%.20s'", text);
+    r->interval = interval;
     return 0;
 }
 

@@ -187,6 +187,8 @@ static void alta_mistakes_have_their_place(void **state) {
     read_bad(alta_read_text, "#PARAM_IN STARK_2D\n", 1, 1, "STARK_2D is not read");
     read_bad(alta_read_text, "#DIM 3 1\n#PARAM_OUT INV_STERADIAN_COSINE_FACTOR\n", 2, 1, "COSINE_FACTOR");
     read_bad(alta_read_text, "#DIM 0 1\n", 1, 1, "#DIM must give");
+    read_bad(alta_read_text, "#DIM 2!1\n#PARAM_IN ISOTROPIC_TV_PROJ_DPHI\n#PARAM_OUT RGB_COLOR\n0 0 1\n", 1,
+             1, "#DIM must give");
     read_bad(alta_read_text, "#VS 3\n", 1, 1, "#VS is");
     read_bad(alta_read_text, "#FORMAT binary\n", 1, 1, "binary");
     read_bad(alta_read_text, "1 2 3\n", 1, 1, "before #DIM");
