@@ -18,7 +18,8 @@ namespace {
 
 /* A logarithmic uncertainty of 0.5 is a factor 1.65 either way: the value is then a guess, not a result. */
 constexpr double U_LN_MAX = 0.5;
-constexpr double AT_BOUND = 1e-7; /* in coordinates; the solver stops exactly on a bound */
+constexpr double STEP_LEFT_U = 0.1; /* of a parameter's u */
+constexpr double AT_BOUND = 1e-7;   /* in coordinates; the solver stops exactly on a bound */
 constexpr size_t FLANK_POINTS_MIN = 2;
 constexpr double NARROWEST_RAD =
     0.01; /* the lower bound of gamma: half of such a lobe is seen at this distance */
@@ -40,6 +41,7 @@ class Verdict {
   private:
     void find_bounds();
     bool hangs_on_lost_lobe(int column, const bool *lost) const;
+    bool is_settled();
     int refuse(struct err *e);
     int fill_quality(struct err *e);
     int judge_misfit(double chi2, struct err *e);
@@ -72,6 +74,7 @@ class Verdict {
     int k_;
     struct uncertainty u_ = {};
     bool free_[COORDINATES_MAX] = {};
+    bool open_[COORDINATES_MAX] = {}; /* still moving where the solver ended */
     struct misfit misfit_ = {};
 };
 
@@ -113,23 +116,39 @@ bool Verdict::hangs_on_lost_lobe(int column, const bool *lost) const {
     }
 }
 
+/* A solver may creep along a valley so flat that its end is of no account: what one more Newton step would move is
+ * then far inside the u of each parameter, and what the valley leaves open shows in that u. */
+bool Verdict::is_settled() {
+    bool settled = true;
+    for (int j = 0; j < k_ && !fit_->best.converged; j++) {
+        double step = 0;
+        for (size_t i = 0; free_[j] && i < p_->n; i++) {
+            step += u_.h[j * p_->n + i] * (in_->beta[i] - p_->model_beta[i]);
+        }
+        open_[j] = !(std::fabs(step) <= STEP_LEFT_U * std::sqrt(u_.independent[j * k_ + j]));
+        settled = settled && !open_[j];
+    }
+    return settled;
+}
+
 int Verdict::refuse(struct err *e) {
+    const bool moving = std::any_of(open_, open_ + k_, [](bool open) { return open; });
     std::string names;
     int worst = 0;
     for (int j = 0; j < k_; j++) {
-        if (free_[j] && std::fabs(u_.weakest[j]) > 0.3) {
+        if (moving ? open_[j] : free_[j] && std::fabs(u_.weakest[j]) > 0.3) {
             names += (names.empty() ? "" : ", ") + std::string(name(j));
         }
         worst = std::fabs(u_.weakest[j]) > std::fabs(u_.weakest[worst]) ? j : worst;
     }
     struct advice next = {};
     int status = advice_next(p_, fit_->value, &u_, worst, &next, e);
-    words_refuse(out_,
-                 "these points do not determine %s (condition of the Jacobian %.0e): measure on, best next "
-                 "at incidence "
-                 "%g deg, viewing %g deg",
-                 names.empty() ? "the parameters" : names.c_str(), u_.condition, next.theta_i_deg,
-                 next.theta_v_deg);
+    words_refuse(
+        out_,
+        "these points do not determine %s (%s; condition of the Jacobian %.0e): measure on, best next at "
+        "incidence %g deg, viewing %g deg",
+        names.empty() ? "the parameters" : names.c_str(), moving ? "the fit does not settle" : "singular",
+        u_.condition, next.theta_i_deg, next.theta_v_deg);
     return status;
 }
 
@@ -403,7 +422,7 @@ int Verdict::fill(struct err *e) {
     struct err singular = {};
     int status = uncertainty_compute(&u_, p_, fit_->value, free_, &singular);
     out_->condition = u_.condition;
-    if (status == -ERR_FIT || !fit_->best.converged) {
+    if (status == -ERR_FIT || (!status && !is_settled())) {
         return refuse(e);
     }
     if (status) {
