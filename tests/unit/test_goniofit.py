@@ -175,6 +175,24 @@ def test_files_of_others_are_read(folder):
         assert code == 2 and words[0] in err, (words, err)
 
 
+def test_stability_is_a_table(folder):
+    code, out, err = run("stability", "--only", "S 0.", "--json")
+    assert code == 0, err
+    table = json.loads(out)
+    assert table["bad"] == 0 and table["good"] == len(table["rows"]) == 4
+    row = table["rows"][0]
+    assert row["group"] == "S" and row["verdict"] == "good" and row["condition"] > 1 and row["iterations"] > 0
+    assert row["parameters"]["S"]["truth"] == 0.001 and row["worst_u"] < 5 and row["solvers_apart_u"] < 1e-3
+    code, out, err = run("stability", "--only", "one is", "--csv")
+    rows = out.strip().splitlines()
+    assert code == 0 and rows[0].startswith("group,case,n_points,condition") and len(rows) == 3, out
+    assert all(",refused," in r and "leave the point out" in r for r in rows[1:]), out
+    code, out, err = run("stability", "--only", "5 points", "--seed", 7)
+    assert code == 0 and "needs at least 7 geometries" in out and "1 cases: 0 good, 1 refused" in out, out
+    for words in (["--seed", "x"], ["nonsense"], ["--nonsense"]):
+        assert run("stability", *words)[0] == 2
+
+
 def test_paper_convention_is_a_refit(folder):
     code, out, err = run("fit", measured(folder), "--paper-convention", "--weights", "none", "--json")
     fit = json.loads(out)

@@ -211,6 +211,17 @@ static void a_session_gives_its_final_points(void **state) {
     assert_float_equal(estimate.s_lambda[40], m.s_lambda[40], 1e-4);
     assert_true(estimate.common[MATERIAL_S][MATERIAL_S] > 0 && estimate.common[MATERIAL_N][MATERIAL_N] > 0);
     fitset_free(&d);
+    fitset_init(&d); /* a mask takes points out together with what belongs to them */
+    d.mask = (struct mask){.max_theta_i_deg = 30, .max_theta_v_deg = 60};
+    ROW_OK(points_session_read(path, &d, e));
+    assert_int_equal(d.n, 3 * 25 - 1);
+    assert_int_equal(d.mask.left_out[MASK_THETA_I], 99);
+    assert_int_equal(d.mask.left_out[MASK_THETA_V], 3 * 8);
+    assert_int_equal(d.cause[0].n, d.n);
+    assert_true(d.bracket[0].n == 24 && d.bracket[5].n == 0 && d.bracket[2].point[24] == 73);
+    ROW_OK(fitset_fit(&d, &estimate, e));
+    assert_true(estimate.converged && estimate.n_points == 74);
+    fitset_free(&d);
     row_remove_folder(folder);
 }
 
