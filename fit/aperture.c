@@ -113,6 +113,31 @@ void aperture_free(struct aperture *a) {
     *a = (struct aperture){0};
 }
 
+static int weigh_all(struct aperture *a, struct err *e) {
+    a->weight = malloc((a->n + 1) * (size_t)a->nodes * sizeof *a->weight);
+    for (size_t i = 0; a->weight && i < a->n * (size_t)a->nodes; i++) {
+        a->weight[i] = 1;
+    }
+    return a->weight ? 0 : err_set(e, ERR_NOMEM, "no memory for the geometry of %zu points", a->n);
+}
+
+int aperture_move(struct aperture *a, size_t point, double theta_i_deg, double theta_v_deg, double factor,
+                  struct err *e) {
+    double weight[NODES_MAX];
+    size_t at = point * (size_t)a->nodes;
+    if (fabs(theta_i_deg) >= 90 || fabs(theta_v_deg) >= 90) {
+        return 0;
+    }
+    int status = place(&a->form, theta_i_deg, theta_v_deg, &a->geometry[at], weight, e);
+    if (!status && !a->weight && factor != 1) {
+        status = weigh_all(a, e);
+    }
+    for (int m = 0; m < a->nodes && a->weight && !status; m++) {
+        a->weight[at + (size_t)m] = factor * weight[m];
+    }
+    return status;
+}
+
 struct view { /* the nodes of some points, and the columns of a gradient row */
     const struct reflectance_geometry *geometry;
     const double *weight;

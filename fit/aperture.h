@@ -41,7 +41,7 @@ struct aperture {
     size_t n;
     int nodes;                             /* of a point; 1 without widths */
     struct reflectance_geometry *geometry; /* [n * nodes] */
-    double *weight;                        /* [n * nodes]; NULL: each point is its one node */
+    double *weight;                        /* [n * nodes]; NULL: each point is its one node as it is */
 };
 
 int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n, const double *theta_i_deg,
@@ -52,6 +52,9 @@ int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflect
                   double *gradient, struct err *e);
 int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,
                    const struct reflectance_optics *optics, struct reflectance_parts *parts, struct err *e);
+/* A point is seen from elsewhere, and its value times factor; where that lies beyond 90 deg it stays. */
+int aperture_move(struct aperture *a, size_t point, double theta_i_deg, double theta_v_deg, double factor,
+                  struct err *e);
 /* A geometry that is in no set. theta_i_deg < 0 is the same seen from the other side. */
 int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
                 enum reflectance_model model, const double *value, const struct reflectance_optics *optics,

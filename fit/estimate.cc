@@ -13,6 +13,8 @@
 
 namespace {
 
+constexpr int PASSES_MAX = 8;
+constexpr double NUISANCE_SETTLED = 1e-4; /* of the u of its prior; what it moves is then far below any u */
 constexpr size_t MARGIN = 2; /* geometries beyond the parameters, so that chi-square can object */
 
 /* One estimation from start to end; owns what its parts allocate. */
@@ -35,6 +37,7 @@ class Estimation {
     int solve_from_starts(struct err *e);
     int solve_bands(struct err *e);
     void update_q();
+    int prepare_pass(int pass, double *moved, struct err *e);
     int settle(struct err *e);
 
     const struct estimate_input *in_;
@@ -114,15 +117,25 @@ void Estimation::update_q() {
     }
 }
 
-/* Two passes: each takes q from the spectrum of the one before; the weights are taken from the model once. */
+/* The weights, and with them the nuisances, are taken from the model of the first pass. */
+int Estimation::prepare_pass(int pass, double *moved, struct err *e) {
+    *moved = 0;
+    int status = problem_evaluate(&fit_.p, fit_.value, e);
+    if (status || pass > 0) {
+        return status ? status : nuisance_adopt(&fit_.p, fit_.value, moved, e);
+    }
+    status = problem_reweigh(&fit_.p, fit_.value, e);
+    return status ? status : nuisance_refresh(&fit_.p, fit_.value, e);
+}
+
+/* Two passes: each takes q from the spectrum of the one before; more only where a nuisance still moves. */
 int Estimation::settle(struct err *e) {
     for (int pass = 0;; pass++) {
+        double moved;
         coordinates_to_value(fit_.p.model, fit_.best.x, fit_.value);
-        int status = problem_evaluate(&fit_.p, fit_.value, e);
-        if (!status && pass == 0) {
-            status = problem_reweigh(&fit_.p, fit_.value, e);
-        }
-        if (status || (status = solve_bands(e)) || pass == 2) {
+        int status = prepare_pass(pass, &moved, e);
+        bool last = pass == PASSES_MAX || (pass >= 2 && moved < NUISANCE_SETTLED);
+        if (status || (status = solve_bands(e)) || last) {
             return status;
         }
         update_q();

@@ -154,7 +154,7 @@ static int set_bounds(struct problem *p, struct err *e) {
     return 0;
 }
 
-static bool out_of_plane(const struct estimate_input *in, size_t i) {
+bool problem_out_of_plane(const struct estimate_input *in, size_t i) {
     return in->delta_phi_deg && in->delta_phi_deg[i] != 0;
 }
 
@@ -163,7 +163,7 @@ static int set_directions(struct problem *p, struct err *e) {
     const struct estimate_input *in = p->input;
     int status = 0;
     for (size_t i = 0; i < p->n && !status; i++) {
-        if (!out_of_plane(in, i)) {
+        if (!problem_out_of_plane(in, i)) {
             continue;
         }
         status =
@@ -189,6 +189,7 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
     if (!(status = set_bounds(p, e))) {
         status = allocate(p, e);
     }
+    status = status ? status : nuisance_init(p, e);
     status =
         status ? status : aperture_init(&p->aperture, &form, p->n, input->theta_i_deg, input->theta_v_deg, e);
     status = status ? status : set_directions(p, e);
@@ -204,6 +205,7 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
 
 void problem_free(struct problem *p) {
     aperture_free(&p->aperture);
+    nuisance_free(p);
     free(p->u);
     free(p->root_weight);
     free(p->angle_u2);
@@ -231,7 +233,7 @@ double problem_chi2(const struct problem *p) {
         double r = (p->model_beta[i] - p->input->beta[i]) * p->root_weight[i];
         sum += r * r;
     }
-    return sum;
+    return sum + nuisance_chi2(p);
 }
 
 /* Slope over a step that stays inside the domain: across a kink of G it is the mean of both sides, which is
@@ -293,25 +295,33 @@ static void add_spot(struct problem *p, size_t i) {
     p->spot_sample[i] = s.zeros_cancel ? 0 : k_sample;
 }
 
+int problem_slopes(struct problem *p, const double *value, struct err *e) {
+    const struct estimate_input *in = p->input;
+    int status = 0;
+    for (size_t i = 0; i < p->n && !status; i++) {
+        double di_deg, dv_deg, factor;
+        if (problem_out_of_plane(in, i)) {
+            continue;
+        }
+        nuisance_shift(p, i, &di_deg, &dv_deg, &factor);
+        status =
+            problem_axis_slopes(&p->aperture.form, p->model, value, &p->optics, in->theta_i_deg[i] + di_deg,
+                                in->theta_v_deg[i] + dv_deg, in->mirrored && in->mirrored[i],
+                                &p->slope_source[i], &p->slope_sample[i], e);
+        add_spot(p, i);
+    }
+    return status;
+}
+
 int problem_reweigh(struct problem *p, const double *value, struct err *e) {
     const struct estimate_input *in = p->input;
     struct noise_law law = {0};
+    int status = problem_slopes(p, value, e);
+    if (status || !in->u_ind) {
+        return status;
+    }
     noise_of(p, &law);
     for (size_t i = 0; i < p->n; i++) {
-        int status = out_of_plane(in, i) ? 0
-                                         : problem_axis_slopes(&p->aperture.form, p->model, value, &p->optics,
-                                                               in->theta_i_deg[i], in->theta_v_deg[i],
-                                                               in->mirrored && in->mirrored[i],
-                                                               &p->slope_source[i], &p->slope_sample[i], e);
-        if (status) {
-            return status;
-        }
-        if (!out_of_plane(in, i)) {
-            add_spot(p, i);
-        }
-        if (!in->u_ind) {
-            continue;
-        }
         double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
         double carry = noise_law_carry(&law, u, in->beta[i], p->model_beta[i]);
         set_weight(p, i, u * u * carry + p->angle_u2[i]);

@@ -13,6 +13,7 @@
 #include "fit/aperture.h"
 #include "fit/coordinates.h"
 #include "fit/estimate.h"
+#include "fit/nuisance.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -32,6 +33,7 @@ struct problem {
     double *gradient;                    /* [n * k] with respect to the parameters, of the same */
     struct reflectance_optics optics;
     double low[COORDINATES_MAX], high[COORDINATES_MAX]; /* bounds of the coordinates */
+    struct nuisances nuisance;
 };
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e);
@@ -41,7 +43,10 @@ int problem_rows(const struct problem *p, const double *value, size_t first, siz
                  double *gradient, struct err *e);
 /* Model and gradient at value into model_beta and gradient. */
 int problem_evaluate(struct problem *p, const double *value, struct err *e);
-/* Weights anew from the model of the last problem_evaluate. */
+bool problem_out_of_plane(const struct estimate_input *input, size_t i);
+/* Slopes along both axes, and what follows from them, of the last problem_evaluate. */
+int problem_slopes(struct problem *p, const double *value, struct err *e);
+/* Slopes and weights anew from the model of the last problem_evaluate. */
 int problem_reweigh(struct problem *p, const double *value, struct err *e);
 double problem_chi2(const struct problem *p); /* of the last evaluation, with the weights of the fit */
 

@@ -29,6 +29,7 @@ class Residuals : public ceres::CostFunction {
         for (size_t i = 0; i < p_->n; i++) {
             residuals[i] = (beta_[i] - p_->input->beta[i]) * p_->root_weight[i];
         }
+        nuisance_residuals(p_, residuals);
         if (jacobians) {
             coordinates_chain(p_->model, value, chain);
             fill(jacobians, chain);
@@ -50,6 +51,7 @@ class Residuals : public ceres::CostFunction {
                 }
                 jacobians[j][i] = sum * p_->root_weight[i];
             }
+            nuisance_whiten(p_, jacobians[j]);
         }
     }
 

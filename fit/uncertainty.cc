@@ -26,9 +26,11 @@ struct cause { /* a common cause, made alike for the user's and for the two axis
     const int *point;
     const double *mean, *bands;
     double scale;
-    const double
-        *spot; /* of an axis zero, else NULL. Its mean is the same change in every band, as an angle moves
-                           the lobe, which has no colour; the spot's part comes on top, in proportion to beta */
+    const double *spot; /* of an axis zero, else NULL. Its mean is the same change in every band, as an angle
+                           moves the lobe, which has no colour; the spot's part comes on top, in proportion to
+                           beta */
+    double
+        nuisance[NUISANCES_MAX]; /* what the cause makes of the nuisances themselves, as their prior has it */
 
     size_t at(size_t i) const {
         return point ? static_cast<size_t>(point[i]) : i;
@@ -38,18 +40,26 @@ struct cause { /* a common cause, made alike for the user's and for the two axis
     }
 };
 
+void see_offset(const struct problem *p, double per_deg, cause *c) {
+    for (int z = 0; z < p->nuisance.m; z++) {
+        c->nuisance[z] = p->nuisance.of[z].kind == NUISANCE_OFFSET ? per_deg * c->scale : 0;
+    }
+}
+
 std::vector<cause> causes_of(const struct problem *p) {
     const struct estimate_input *in = p->input;
     std::vector<cause> all;
     for (size_t c = 0; c < in->n_common; c++) {
         const struct estimate_common *x = &in->common[c];
-        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1, nullptr});
+        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1, nullptr, {}});
     }
     if (in->u_zero_source_deg > 0) {
-        all.push_back({p->n, nullptr, p->slope_source, nullptr, in->u_zero_source_deg, p->spot_source});
+        all.push_back({p->n, nullptr, p->slope_source, nullptr, in->u_zero_source_deg, p->spot_source, {}});
+        see_offset(p, 0.5, &all.back());
     }
     if (in->u_zero_sample_deg > 0) {
-        all.push_back({p->n, nullptr, p->slope_sample, nullptr, in->u_zero_sample_deg, p->spot_sample});
+        all.push_back({p->n, nullptr, p->slope_sample, nullptr, in->u_zero_sample_deg, p->spot_sample, {}});
+        see_offset(p, -1, &all.back());
     }
     return all;
 }
@@ -108,20 +118,36 @@ bool invert(struct uncertainty *u, const Matrix &fisher, Matrix *inverse) {
     return true;
 }
 
-/* What a correlated part adds to the expected chi-square: the length of its projection on the residuals. */
 void add_expectation(struct uncertainty *u, double projected) {
     projected = std::max(projected, 0.0);
     u->chi2_expected += projected;
     u->chi2_variance += 4 * projected + 2 * projected * projected;
 }
 
+/* W' = W^1/2 B B W^1/2: the weights of the points, less what the nuisances explain (fit/nuisance.h). P' the same from
+ * their precision. */
+Matrix weigh(const struct problem *p, const Vector &root, Matrix columns) {
+    for (Eigen::Index c = 0; c < columns.cols(); c++) {
+        Vector x = root.cwiseProduct(columns.col(c));
+        nuisance_whiten(p, x.data());
+        nuisance_whiten(p, x.data());
+        columns.col(c) = root.cwiseProduct(x);
+    }
+    return columns;
+}
+
 struct workspace {
     const struct problem *p;
-    Matrix j, inverse, h; /* h is k * n */
-    Vector weight;
-    Vector precision; /* 1 / u^2: the weight, unless the fit was to count all points alike */
-    Matrix precise;   /* J^T diag(precision) J */
+    Matrix j, wj, inverse, h; /* j and wj = W' j are n * k, h is k * n */
+    Vector precision;         /* 1 / u^2: the weight, unless the fit was to count all points alike */
+    Matrix pj, precise;       /* P' j and j^T P' j */
 };
+
+/* What a correlated change of the points, which moves the parameters, leaves in chi-square. */
+double seen_by(const workspace &w, const Vector &change, const Vector &moved) {
+    const double all = change.dot(weigh(w.p, w.precision.cwiseSqrt(), change).col(0));
+    return all - 2 * moved.dot(w.pj.transpose() * change) + moved.dot(w.precise * moved);
+}
 
 /* D_b of one bracket in absolute terms, scaled by the given values of its points. */
 Matrix drift_matrix(const struct estimate_bracket *b, size_t n, const double *beta) {
@@ -134,9 +160,16 @@ Matrix drift_matrix(const struct estimate_bracket *b, size_t n, const double *be
     return d;
 }
 
+/* The covariance of parameters and nuisances, one part of it. */
+void add_to(struct uncertainty *u, const Matrix &covariance, const workspace &w, double *cells) {
+    Cells(cells, w.p->k, w.p->k) += covariance.topLeftCorner(w.p->k, w.p->k);
+    for (int z = 0; z < w.p->nuisance.m; z++) {
+        u->nuisance_u2[z] += covariance(w.p->k + z, w.p->k + z);
+    }
+}
+
 void add_drift(struct uncertainty *u, const workspace &w) {
     const struct estimate_input *in = w.p->input;
-    Cells total(u->drift, w.p->k, w.p->k);
     for (size_t b = 0; b < in->n_bracket; b++) {
         const struct estimate_bracket *x = &in->bracket[b];
         const size_t n = x->point ? x->n : w.p->n;
@@ -144,38 +177,39 @@ void add_drift(struct uncertainty *u, const workspace &w) {
             continue;
         }
         std::vector<double> beta(n);
-        Matrix h(w.p->k, n), j(n, w.p->k);
+        Matrix h(w.h.rows(), n), pj(n, w.p->k), axis(n, w.p->nuisance.m);
         Vector precision(n);
         for (size_t i = 0; i < n; i++) {
             const size_t at = x->point ? static_cast<size_t>(x->point[i]) : i;
             beta[i] = w.p->model_beta[at];
             h.col(i) = w.h.col(at);
-            j.row(i) = w.j.row(at);
+            pj.row(i) = w.pj.row(at);
             precision(i) = w.precision(at);
+            for (int z = 0; z < w.p->nuisance.m; z++) {
+                axis(i, z) = w.p->nuisance.axis[z][at] * std::sqrt(precision(i) * w.p->nuisance.removed[z]);
+            }
         }
         Matrix d = drift_matrix(x, n, beta.data());
-        const Matrix moved = h * d * h.transpose();
-        total += moved;
-        const double seen = precision.dot(d.diagonal());
-        const double explained = 2 * (j.transpose() * precision.asDiagonal() * d * h.transpose()).trace();
-        add_expectation(u, seen - explained + (w.precise * moved).trace());
+        const Matrix moved = h * d * h.transpose(), of_x = moved.topLeftCorner(w.p->k, w.p->k);
+        add_to(u, moved, w, u->drift);
+        const double seen = precision.dot(d.diagonal()) - (axis.transpose() * d * axis).trace();
+        const double explained = 2 * (pj.transpose() * d * h.topRows(w.p->k).transpose()).trace();
+        add_expectation(u, seen - explained + (w.precise * of_x).trace());
     }
 }
 
 void add_common(struct uncertainty *u, const workspace &w) {
-    Cells total(u->common, w.p->k, w.p->k);
     for (const cause &c : causes_of(w.p)) {
-        Vector moved = Vector::Zero(w.p->k), pulled = Vector::Zero(w.p->k);
-        double seen = 0;
+        Vector change = Vector::Zero(w.p->n);
         for (size_t i = 0; i < c.n; i++) {
-            const size_t at = c.at(i);
-            const double change = c.change(i);
-            moved += w.h.col(at) * change;
-            pulled += w.j.row(at).transpose() * (w.precision(at) * change);
-            seen += w.precision(at) * change * change;
+            change(c.at(i)) += c.change(i);
         }
-        total += moved * moved.transpose();
-        add_expectation(u, seen - 2 * pulled.dot(moved) + moved.dot(w.precise * moved));
+        Vector moved = w.h * change;
+        add_expectation(u, seen_by(w, change, moved.head(w.p->k)));
+        for (int z = 0; z < w.p->nuisance.m; z++) {
+            moved(w.p->k + z) -= c.nuisance[z];
+        }
+        add_to(u, moved * moved.transpose(), w, u->common);
     }
 }
 
@@ -186,12 +220,23 @@ void expect_chi2(struct uncertainty *u, const workspace &w) {
     const Vector root = w.precision.cwiseSqrt();
     Matrix z(n, 2 * k), middle = Matrix::Zero(2 * k, 2 * k);
     z.leftCols(k) = root.asDiagonal() * w.j;
-    z.rightCols(k) = root.cwiseInverse().asDiagonal() * w.h.transpose();
+    z.rightCols(k) = root.cwiseInverse().asDiagonal() * w.h.topRows(k).transpose();
     middle.topLeftCorner(k, k) = z.rightCols(k).transpose() * z.rightCols(k);
     middle.topRightCorner(k, k) = middle.bottomLeftCorner(k, k) = -Matrix::Identity(k, k);
     const Matrix turn = middle * (z.transpose() * z); /* P = I + z middle z^T */
     u->chi2_expected = std::max(1.0, static_cast<double>(n) + turn.trace());
     u->chi2_variance = 2 * std::max(1.0, static_cast<double>(n) + 2 * turn.trace() + (turn * turn).trace());
+}
+
+/* The same beside free nuisances, whose priors are causes; the variance is that much at most. */
+void expect_beside_nuisances(struct uncertainty *u, const workspace &w, const Vector &variance) {
+    double left = w.p->n - (w.inverse * (w.wj.transpose() * variance.asDiagonal() * w.wj)).trace();
+    for (int z = 0; z < w.p->nuisance.m; z++) {
+        const double *axis = w.p->nuisance.axis[z];
+        left -= w.p->nuisance.removed[z] * Eigen::Map<const Vector>(axis, w.p->n).squaredNorm();
+    }
+    u->chi2_expected = std::max(1.0, left);
+    u->chi2_variance = 2 * u->chi2_expected;
 }
 
 void add_independent(struct uncertainty *u, const workspace &w) {
@@ -204,33 +249,54 @@ void add_independent(struct uncertainty *u, const workspace &w) {
     if (!w.p->input->u_ind) { /* no uncertainty given: the scatter has to tell */
         variance.setConstant(problem_chi2(w.p) / degrees);
     }
-    Cells(u->independent, w.p->k, w.p->k) = w.h * variance.asDiagonal() * w.h.transpose();
-    expect_chi2(u, w);
+    add_to(u, w.h * variance.asDiagonal() * w.h.transpose(), w, u->independent);
+    if (w.p->nuisance.m > 0) {
+        expect_beside_nuisances(u, w, variance);
+    } else {
+        expect_chi2(u, w);
+    }
+}
+
+/* How each point moves the nuisances: z = U (I + G^T W G)^-1 (G^T W - G^T W J H) d beta, G scaled by U. */
+Matrix nuisance_rows(const workspace &w) {
+    const struct nuisances *s = &w.p->nuisance;
+    const Eigen::Index n = static_cast<Eigen::Index>(w.p->n);
+    const Vector root = Eigen::Map<const Vector>(w.p->root_weight, n);
+    Matrix g(n, s->m), u = Matrix::Zero(s->m, s->m);
+    for (int z = 0; z < s->m; z++) {
+        u(z, z) = s->of[z].u;
+        g.col(z) = Eigen::Map<const Vector>(s->of[z].slope, n) * s->of[z].u;
+    }
+    const Matrix wg = root.cwiseAbs2().asDiagonal() * g;
+    const Matrix a = Matrix::Identity(s->m, s->m) + g.transpose() * wg;
+    return u * a.inverse() * (wg.transpose() - (wg.transpose() * w.j) * w.h);
 }
 
 int compute(struct uncertainty *u, const struct problem *p, const double *value, struct err *e) {
-    workspace w{p, jacobian(p, value, u->free), {}, {}, Vector(p->n), Vector(p->n), {}};
-    for (size_t i = 0; i < p->n; i++) {
-        w.weight(i) = p->root_weight[i] * p->root_weight[i];
-        w.precision(i) = 1 / (p->u[i] * p->u[i]);
-    }
-    w.precise = w.j.transpose() * w.precision.asDiagonal() * w.j;
-    Matrix wj = w.weight.asDiagonal() * w.j;
-    Matrix fisher = w.j.transpose() * wj;
+    const Eigen::Index n = static_cast<Eigen::Index>(p->n);
+    workspace w{p, jacobian(p, value, u->free), {}, {}, {}, {}, {}, {}};
+    w.precision = Eigen::Map<const Vector>(p->u, n).cwiseAbs2().cwiseInverse();
+    w.wj = weigh(p, Eigen::Map<const Vector>(p->root_weight, n), w.j);
+    w.pj = weigh(p, w.precision.cwiseSqrt(), w.j);
+    w.precise = w.j.transpose() * w.pj;
+    Matrix fisher = w.j.transpose() * w.wj;
     Cells(u->fisher, p->k, p->k) = fisher;
     if (!invert(u, fisher, &w.inverse)) {
         return err_set(e, ERR_FIT, "the points cannot tell the parameters apart (condition %.1g)",
                        u->condition);
     }
-    w.h = w.inverse * wj.transpose();
+    w.h = w.inverse * w.wj.transpose();
+    const Matrix z = nuisance_rows(w);
+    w.h.conservativeResize(p->k + p->nuisance.m, Eigen::NoChange);
+    w.h.bottomRows(p->nuisance.m) = z;
     add_independent(u, w);
     add_drift(u, w);
     add_common(u, w);
-    u->h = static_cast<double *>(std::malloc(sizeof(double) * (p->n + 1) * p->k));
+    u->h = static_cast<double *>(std::malloc(sizeof(double) * (w.h.size() + 1)));
     if (!u->h) {
         return err_set(e, ERR_NOMEM, "no memory for the covariance of %zu points", p->n);
     }
-    std::memcpy(u->h, w.h.data(), sizeof(double) * p->n * p->k);
+    std::memcpy(u->h, w.h.data(), sizeof(double) * w.h.size());
     return 0;
 }
 
@@ -275,12 +341,35 @@ struct band_work {
     std::vector<cause> causes;
     std::vector<Matrix> drift; /* relative to beta_1 beta_2 */
     Vector own, shared;        /* dS = own . d beta_b + shared . d x */
+    Vector through;            /* [n] d S by the means: through the shared parameters and the nuisances */
     Vector fitted;             /* of the band */
 };
 
+/* A free nuisance moves the model of every band; its slope is of the lobe, which has no colour. */
+void find_through(band_work &w) {
+    const Eigen::Index n = static_cast<Eigen::Index>(w.p->n), m = w.p->nuisance.m;
+    ConstCells h(w.u->h, w.p->k + m, n);
+    w.through = h.topRows(w.p->k).transpose() * w.shared;
+    for (Eigen::Index z = 0; z < m; z++) {
+        w.through -=
+            h.row(w.p->k + z).transpose() * w.own.dot(Eigen::Map<const Vector>(w.p->nuisance.of[z].slope, n));
+    }
+}
+
+/* The noise of the means through what all bands share. */
+double shared_variance(const band_work &w) {
+    const Eigen::Index n = static_cast<Eigen::Index>(w.p->n);
+    double sum = w.shared.dot(ConstCells(w.u->independent, w.p->k, w.p->k) * w.shared);
+    if (w.p->nuisance.m > 0) {
+        const Vector u = Eigen::Map<const Vector>(w.p->u, n);
+        const Vector direct = ConstCells(w.u->h, w.p->k, n).transpose() * w.shared;
+        sum += w.through.cwiseProduct(u).squaredNorm() - direct.cwiseProduct(u).squaredNorm();
+    }
+    return std::max(sum, 0.0);
+}
+
 double drift_variance(const band_work &w) {
     const struct estimate_input *in = w.p->input;
-    ConstCells h(w.u->h, w.p->k, static_cast<Eigen::Index>(w.p->n));
     double sum = 0;
     for (size_t b = 0; b < in->n_bracket; b++) {
         const struct estimate_bracket *x = &in->bracket[b];
@@ -288,7 +377,7 @@ double drift_variance(const band_work &w) {
         for (Eigen::Index i = 0; i < row.size(); i++) {
             const size_t at = x->point ? static_cast<size_t>(x->point[i]) : static_cast<size_t>(i);
             /* the lamp drifts as a whole: the mean and the band move together */
-            row(i) = w.own(at) * w.fitted(at) + w.shared.dot(h.col(at)) * w.p->model_beta[at];
+            row(i) = w.own(at) * w.fitted(at) + w.through(at) * w.p->model_beta[at];
         }
         sum += row.dot(w.drift[b] * row);
     }
@@ -296,7 +385,6 @@ double drift_variance(const band_work &w) {
 }
 
 double common_variance(const band_work &w, int band) {
-    ConstCells h(w.u->h, w.p->k, static_cast<Eigen::Index>(w.p->n));
     double sum = 0;
     for (const cause &c : w.causes) {
         double moved = 0;
@@ -307,7 +395,7 @@ double common_variance(const band_work &w, int band) {
             if (c.bands && std::isfinite(c.bands[i * BANDS + band])) {
                 here = c.scale * c.bands[i * BANDS + band];
             }
-            moved += w.own(at) * here + w.shared.dot(h.col(at)) * mean;
+            moved += w.own(at) * here + w.through(at) * mean;
         }
         sum += moved * moved;
     }
@@ -321,15 +409,15 @@ double band_variance(band_work &w, const double *value, const Matrix &j, struct 
         const struct bandfit_point *x = &f->point[i];
         w.fitted(i) = s * x->l1 + s * s * x->l2 + x->specular;
     }
-    double by_shared = w.shared.dot(ConstCells(w.u->independent, w.p->k, w.p->k) * w.shared);
-    return f->variance[band] * std::max(1.0, w.u->scatter) + by_shared + drift_variance(w) +
+    find_through(w);
+    return f->variance[band] * std::max(1.0, w.u->scatter) + shared_variance(w) + drift_variance(w) +
            common_variance(w, band);
 }
 
 void compute_bands(const struct uncertainty *u, const struct problem *p, const double *value,
                    struct bandfit *f, double *u_s) {
     Matrix j = jacobian(p, value, u->free);
-    band_work w{u, p, causes_of(p), {}, {}, {}, Vector(p->n)};
+    band_work w{u, p, causes_of(p), {}, {}, {}, {}, Vector(p->n)};
     for (size_t b = 0; b < p->input->n_bracket; b++) {
         const struct estimate_bracket *x = &p->input->bracket[b];
         const size_t n = x->point ? x->n : p->n;

@@ -1,7 +1,7 @@
 /*
  * uncertainty.h — covariance of the fitted parameters and of S(lambda): H V H^T (measurement.md 8).
  *
- * H = (J^T W J)^-1 J^T W over the parameters that are free (not at a bound), in the coordinates of the fit. V
+ * H = (J^T W J)^-1 J^T W, with the weights that free nuisances leave (fit/nuisance.h), over the parameters that are free (not at a bound), in the coordinates of the fit. V
  * is the independent part u^2 (with axis repeatability), the drift of each bracket, and one outer product for
  * each common cause, the two axis zeros among them. Statistical = independent and drift; common = the causes.
  * chi2_expected and chi2_variance are those of the fit's chi-square under the whole of V.
@@ -29,8 +29,9 @@ struct uncertainty {
     double drift[UNCERTAINTY_CELLS];
     double common[UNCERTAINTY_CELLS];
     double chi2_expected, chi2_variance;
+    double nuisance_u2[NUISANCES_MAX]; /* total */
     double scatter; /* of a misfit: chi-square over its expectation (fit/misfit.h); else 0 */
-    double *h;      /* [k * n] */
+    double *h;      /* [(k + nuisances) * n], the parameters first */
 };
 
 /* p evaluated at value. Condition, weakest and fisher are filled even where the rest is refused with

@@ -36,6 +36,8 @@ static const struct {
     {"specular_energy", offsetof(struct estimate, specular_energy)},
     {"source_width_deg", offsetof(struct estimate, source_width_deg)},
     {"sensor_width_deg", offsetof(struct estimate, sensor_width_deg)},
+    {"mirror_offset_deg", offsetof(struct estimate, mirror_offset_deg)},
+    {"u_mirror_offset_deg", offsetof(struct estimate, u_mirror_offset_deg)},
 };
 #define FIGURES (sizeof figures / sizeof *figures)
 

@@ -71,6 +71,7 @@ struct estimate {
     double theta_i_low_deg, theta_i_high_deg, theta_v_low_deg, theta_v_high_deg; /* range measured */
     double source_width_deg, sensor_width_deg; /* what the points were seen through */
     bool beam_in_view;
+    double mirror_offset_deg, u_mirror_offset_deg; /* zero_source / 2 - zero_sample; 0, 0: not fitted */
     int n_warnings;
     char warning[MATERIAL_WARNINGS][256];
 };
