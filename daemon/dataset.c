@@ -222,17 +222,22 @@ struct dataset_sweep dataset_sweep_nearest(const struct dataset *d, double theta
     return sweep[best];
 }
 
-static const struct aperture_form no_width = {0};
+struct look { /* what a surface is looked at through */
+    struct aperture_form form;
+    double polarisation;
+};
+
+static const struct look at_itself = {0};
 
 /* Value and gradient by parameter (not by column); parameters the model lacks get 0. */
-static int evaluate(const struct estimate *m, const struct aperture_form *form, double theta_i_deg,
-                    double theta_v_deg, double *beta, double *gradient, struct err *e) {
+static int evaluate(const struct estimate *m, const struct look *look, double theta_i_deg, double theta_v_deg,
+                    double *beta, double *gradient, struct err *e) {
     enum reflectance_model model;
     double column[MATERIAL_PARAMETERS];
-    const struct reflectance_optics optics = {m->kappa, m->q, 0};
+    const struct reflectance_optics optics = {m->kappa, m->q, look->polarisation};
     int rc = reflectance_find(m->model, &model, e);
     if (rc == 0)
-        rc = aperture_at(form, theta_i_deg, theta_v_deg, model, m->value, &optics, beta, column, e);
+        rc = aperture_at(&look->form, theta_i_deg, theta_v_deg, model, m->value, &optics, beta, column, e);
     for (int k = 0; k < MATERIAL_PARAMETERS; k++)
         gradient[k] = 0;
     for (int c = 0; rc == 0 && c < reflectance_parameters(model); c++)
@@ -248,10 +253,10 @@ static double spread(const struct estimate *m, const double *gradient) {
     return u2 > 0 ? sqrt(u2) : 0;
 }
 
-static int evaluate_with_u(const struct estimate *m, const struct aperture_form *form, double theta_i_deg,
+static int evaluate_with_u(const struct estimate *m, const struct look *look, double theta_i_deg,
                            double theta_v_deg, double *beta, double *u, struct err *e) {
     double gradient[MATERIAL_PARAMETERS];
-    int rc = evaluate(m, form, theta_i_deg, theta_v_deg, beta, gradient, e);
+    int rc = evaluate(m, look, theta_i_deg, theta_v_deg, beta, gradient, e);
     if (rc == 0)
         *u = spread(m, gradient);
     return rc;
@@ -259,21 +264,21 @@ static int evaluate_with_u(const struct estimate *m, const struct aperture_form 
 
 int dataset_model(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta, double *u,
                   struct err *e) {
-    return evaluate_with_u(m, &no_width, theta_i_deg, theta_v_deg, beta, u, e);
+    return evaluate_with_u(m, &at_itself, theta_i_deg, theta_v_deg, beta, u, e);
 }
 
 int dataset_model_seen(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta,
                        double *u, struct err *e) {
-    const struct aperture_form form = {m->source_width_deg, m->sensor_width_deg, m->beam_in_view};
-    return evaluate_with_u(m, &form, theta_i_deg, theta_v_deg, beta, u, e);
+    const struct look look = {{m->source_width_deg, m->sensor_width_deg, m->beam_in_view}, m->polarisation};
+    return evaluate_with_u(m, &look, theta_i_deg, theta_v_deg, beta, u, e);
 }
 
 int dataset_model_ratio(const struct estimate *m, double theta_i_deg, double theta_v_deg,
                         double over_theta_v_deg, double *ratio, double *u, struct err *e) {
     double a, b, ga[MATERIAL_PARAMETERS], gb[MATERIAL_PARAMETERS];
-    int rc = evaluate(m, &no_width, theta_i_deg, theta_v_deg, &a, ga, e);
+    int rc = evaluate(m, &at_itself, theta_i_deg, theta_v_deg, &a, ga, e);
     if (rc == 0)
-        rc = evaluate(m, &no_width, theta_i_deg, over_theta_v_deg, &b, gb, e);
+        rc = evaluate(m, &at_itself, theta_i_deg, over_theta_v_deg, &b, gb, e);
     if (rc == 0 && b == 0)
         rc = err_set(e, ERR_RANGE, "the model is 0 at theta_v = %g deg, so a ratio to it has no value",
                      over_theta_v_deg);

@@ -220,3 +220,18 @@ int aperture_parts(const struct aperture *a, size_t point, enum reflectance_mode
     *parts = sum;
     return status;
 }
+
+int aperture_polarisation_slope(const struct aperture *a, enum reflectance_model model, const double *value,
+                                double *slope, struct err *e) {
+    const size_t nodes = (size_t)a->nodes;
+    double node[NODES_MAX];
+    int status = 0;
+    for (size_t i = 0; i < a->n && !status; i++) {
+        status = reflectance_polarisation_slope(model, nodes, &a->geometry[i * nodes], value, node, e);
+        slope[i] = 0;
+        for (size_t m = 0; m < nodes && !status; m++) {
+            slope[i] += (a->weight ? a->weight[i * nodes + m] : 1) * node[m];
+        }
+    }
+    return status;
+}

@@ -52,6 +52,9 @@ int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflect
                   double *gradient, struct err *e);
 int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,
                    const struct reflectance_optics *optics, struct reflectance_parts *parts, struct err *e);
+/* slope[n] = d beta / d polarisation of all points */
+int aperture_polarisation_slope(const struct aperture *a, enum reflectance_model model, const double *value,
+                                double *slope, struct err *e);
 /* A point is seen from elsewhere, and its value times factor; where that lies beyond 90 deg it stays. */
 int aperture_move(struct aperture *a, size_t point, double theta_i_deg, double theta_v_deg, double factor,
                   struct err *e);

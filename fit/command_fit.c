@@ -28,6 +28,10 @@ static const char help_of_fit[] =
     "too\n"
     "  --source-width DEG, --sensor-width DEG\n"
     "                      full angular widths in the plane of incidence; default: a session's own, else 0\n"
+    "  --polarisation P    unknown (default), depolarised, a value, or a value with its u: 0.02,0.01; "
+    "default: a\n"
+    "                      session's own\n"
+    "  --mirror-offset W   free (default: fitted where the zeros of the axes have a u) or held\n"
     "  --json              one object on stdout (an array with several models or files)\n"
     "exit status: 0 done, 1 a fit was refused or failed, 2 bad usage or bad input\n";
 
@@ -35,6 +39,8 @@ struct options {
     const char *model; /* NULL: all */
     bool unweighted, paper, json, joint, per_band;
     double source_width_deg, sensor_width_deg; /* NAN: as the file says */
+    bool polarisation_given, polarisation_unknown, hold_offset;
+    double polarisation, u_polarisation;
     struct points_options points;
 };
 
@@ -65,6 +71,34 @@ static int take_width(const char *text, double *width_deg, struct err *e) {
                  : 0;
 }
 
+/* "unknown", "depolarised", "P" or "P,U" */
+static int take_polarisation(const char *text, struct options *o, struct err *e) {
+    char value[32];
+    size_t n = strcspn(text, ",");
+    o->polarisation_given = true;
+    o->polarisation_unknown = strcmp(text, "unknown") == 0;
+    if (o->polarisation_unknown || strcmp(text, "depolarised") == 0) {
+        return 0;
+    }
+    snprintf(value, sizeof value, "%.*s", (int)(n < sizeof value ? n : 0), text);
+    bool good = number_read_double(value, &o->polarisation) &&
+                (text[n] == 0 || number_read_double(text + n + 1, &o->u_polarisation));
+    return good && fabs(o->polarisation) <= 1 && o->u_polarisation >= 0 && o->u_polarisation <= 1
+               ? 0
+               : err_set(e, ERR_USAGE,
+                         "--polarisation is unknown, depolarised, or P or P,U with P in -1 to 1 and U in 0 "
+                         "to 1, not "
+                         "'%s'",
+                         text);
+}
+
+static int take_offset(const char *word, struct options *o, struct err *e) {
+    o->hold_offset = strcmp(word, "held") == 0;
+    return o->hold_offset || strcmp(word, "free") == 0
+               ? 0
+               : err_set(e, ERR_USAGE, "--mirror-offset is free or held, not '%s'", word);
+}
+
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
     static const struct option known[] = {{"model", required_argument, NULL, 'm'},
@@ -74,6 +108,8 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
                                           {"sensor-width", required_argument, NULL, 'v'},
                                           {"joint", no_argument, NULL, 'J'},
                                           {"beta-prime-per-band", no_argument, NULL, 'b'},
+                                          {"polarisation", required_argument, NULL, 'z'},
+                                          {"mirror-offset", required_argument, NULL, 'd'},
                                           {"json", no_argument, NULL, 'j'},
                                           {"help", no_argument, NULL, 'h'},
                                           POINTS_OPTIONS(POINTS_OPTION),
@@ -103,6 +139,12 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             break;
         case 'J':
             o->joint = true;
+            break;
+        case 'z':
+            status = take_polarisation(optarg, o, e);
+            break;
+        case 'd':
+            status = take_offset(optarg, o, e);
             break;
         case 'j':
             o->json = true;
@@ -139,6 +181,19 @@ static void print_limit(const struct estimate *m, int p) {
            m->limit_95[p]);
 }
 
+static void print_instrument(const struct estimate *m) {
+    if (m->source_width_deg > 0 || m->sensor_width_deg > 0) {
+        printf("  seen through widths of %g deg (source) and %g deg (sensor)\n", m->source_width_deg,
+               m->sensor_width_deg);
+    }
+    if (m->u_mirror_offset_deg > 0) {
+        printf("  mirror direction off by %.4f deg, u %.4f\n", m->mirror_offset_deg, m->u_mirror_offset_deg);
+    }
+    if (m->polarisation != 0 || m->u_polarisation > 0) {
+        printf("  polarisation %.4f, u %.4f\n", m->polarisation, m->u_polarisation);
+    }
+}
+
 static void print_text(const struct result *r, bool paper) {
     const struct estimate *m = &r->estimate;
     printf("%s: %s, %d points (%s)\n", r->file, m->model, m->n_points, r->report.format);
@@ -167,6 +222,7 @@ static void print_text(const struct result *r, bool paper) {
         printf("  S_paper = pi S = %.8g\n", M_PI * m->value[MATERIAL_S]);
     }
     printf("  kappa %.10g, q %.6g, mean of %d-%d nm\n", m->kappa, m->q, m->mean_low_nm, m->mean_high_nm);
+    print_instrument(m);
     printf("  chi-square %.5g, BIC %.5g, R2 %.6f, median relative error %.3g, specular energy %.3g\n",
            m->chi2, m->bic, m->r2, m->median_relative_error, m->specular_energy);
     for (int i = 0; i < m->n_warnings; i++) {
@@ -276,6 +332,12 @@ static int rank(struct result *results, int n, bool u_stated, struct err *e) {
 static void take_given(struct estimate_input *in, const struct options *o) {
     in->source_width_deg = isnan(o->source_width_deg) ? in->source_width_deg : o->source_width_deg;
     in->sensor_width_deg = isnan(o->sensor_width_deg) ? in->sensor_width_deg : o->sensor_width_deg;
+    in->hold_offset = in->hold_offset || o->hold_offset;
+    if (o->polarisation_given) {
+        in->polarisation_unknown = o->polarisation_unknown;
+        in->polarisation = o->polarisation;
+        in->u_polarisation = o->u_polarisation;
+    }
 }
 
 static int fit_models(const char *path, const struct options *o, struct result *results, int *n,

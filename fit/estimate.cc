@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "fit/instrument.h"
 #include "fit/start.h"
 #include "fit/verdict.h"
 #include "fit/words.h"
@@ -161,7 +162,10 @@ int Estimation::run(struct err *e) {
     if ((status = solve_from_starts(e)) || (status = settle(e))) {
         return status;
     }
-    return verdict_fill(&fit_, out_, e);
+    status = verdict_fill(&fit_, out_, e);
+    return status || !out_->converged || !in_->polarisation_unknown
+               ? status
+               : instrument_span(&fit_.p, &fit_.best, out_, e);
 }
 
 } // namespace
@@ -188,7 +192,7 @@ int estimate_axis_slopes(const struct estimate *estimate, size_t n, const double
     const struct aperture_form form = {estimate->source_width_deg, estimate->sensor_width_deg,
                                        estimate->beam_in_view};
     int status = reflectance_find(estimate->model, &model, e);
-    const struct reflectance_optics optics = {estimate->kappa, estimate->q, 0};
+    const struct reflectance_optics optics = {estimate->kappa, estimate->q, estimate->polarisation};
     for (size_t i = 0; i < n && !status; i++) {
         status = problem_axis_slopes(&form, model, estimate->value, &optics, theta_i_deg[i], theta_v_deg[i],
                                      mirrored && mirrored[i], &source[i], &sample[i], e);

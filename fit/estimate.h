@@ -79,8 +79,10 @@ struct estimate_input {
     bool unweighted;                                 /* the paper's Eq. 6 */
     bool any_provisional;
     int mean_low_nm, mean_high_nm;
-    const char *model;            /* reflectance_name */
-    struct estimate_trace *trace; /* filled where not NULL */
+    const char *model;                   /* reflectance_name */
+    struct estimate_trace *trace;        /* filled where not NULL */
+    double polarisation, u_polarisation; /* P of source and sensor together; with a u it is fitted */
+    bool polarisation_unknown; /* P is taken as 0, and the estimate says what |P| <= 0.1 would change */
     bool hold_offset; /* the mirror direction is not fitted, but enters as both zeros do (fit/nuisance.h) */
     double source_width_deg, sensor_width_deg; /* angular, full (fit/aperture.h) */
     /* Low and high bound by enum material_parameter in place of the usual ones, NaN = the usual one; or NULL. That

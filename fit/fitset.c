@@ -26,7 +26,11 @@ static size_t next_capacity(size_t capacity) {
 }
 
 void fitset_init(struct fitset *d) {
-    *d = (struct fitset){.input = {.kappa = 1, .mean_low_nm = 400, .mean_high_nm = 700, .model = "composite"},
+    *d = (struct fitset){.input = {.kappa = 1,
+                                   .mean_low_nm = 400,
+                                   .mean_high_nm = 700,
+                                   .model = "composite",
+                                   .polarisation_unknown = true},
                          .has_u = true};
 }
 

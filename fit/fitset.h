@@ -54,7 +54,7 @@ struct fitset {
     struct estimate_bracket *brackets;
 };
 
-void fitset_init(struct fitset *d); /* composite, kappa 1, 400-700 nm */
+void fitset_init(struct fitset *d); /* composite, kappa 1, 400-700 nm, P unknown */
 void fitset_free(struct fitset *d);
 int fitset_add_point(struct fitset *d, const struct fitset_point *point, struct err *e);
 /* The cause's change of the last point or of any before it; bands may be NULL. */

@@ -45,6 +45,9 @@ int nuisance_init(struct problem *p, struct err *e) {
     if (!in->hold_offset && nuisance_u_offset_deg(in) > 0) {
         add(s, NUISANCE_OFFSET, 0, nuisance_u_offset_deg(in));
     }
+    if (in->u_polarisation > 0) {
+        add(s, NUISANCE_POLARISATION, in->polarisation, in->u_polarisation);
+    }
     for (int j = 0; j < s->m; j++) {
         s->of[j].slope = calloc(p->n + 1, sizeof(double));
         s->axis[j] = calloc(p->n + 1, sizeof(double));
@@ -83,7 +86,10 @@ void nuisance_shift(const struct problem *p, size_t i, double *di_deg, double *d
 
 static void find_slope(struct problem *p, struct nuisance *z) {
     const struct leverage by = leverage_of(p->input);
-    for (size_t i = 0; i < p->n; i++) {
+    for (size_t i = 0; i < p->n && z->kind == NUISANCE_POLARISATION; i++) {
+        z->slope[i] = p->slope_polarisation[i];
+    }
+    for (size_t i = 0; i < p->n && z->kind == NUISANCE_OFFSET; i++) {
         z->slope[i] = by.source * (p->slope_source[i] + p->spot_source[i]) +
                       by.sample * (p->slope_sample[i] + p->spot_sample[i]);
     }
@@ -198,8 +204,13 @@ static void best_steps(const struct problem *p, const double *residual, double s
     step[1] = (right[1] * a[0][0] - right[0] * a[1][0]) / det;
 }
 
-static int move_geometry(struct problem *p, struct err *e) {
+static int move_model(struct problem *p, struct err *e) {
     int status = 0;
+    for (int j = 0; j < p->nuisance.m; j++) {
+        if (p->nuisance.of[j].kind == NUISANCE_POLARISATION) {
+            p->optics.polarisation = p->nuisance.of[j].at;
+        }
+    }
     for (size_t i = 0; i < p->n && !status; i++) {
         double di_deg, dv_deg, factor;
         if (problem_out_of_plane(p->input, i)) {
@@ -228,9 +239,9 @@ int nuisance_adopt(struct problem *p, const double *value, double *moved, struct
         struct nuisance *z = &p->nuisance.of[j];
         const double next = z->mean + z->u * step[j];
         *moved = fmax(*moved, fabs(next - z->at) / z->u);
-        z->at = next;
+        z->at = z->kind == NUISANCE_POLARISATION ? fmax(-1, fmin(next, 1)) : next;
     }
-    int status = p->nuisance.m > 0 ? move_geometry(p, e) : 0;
+    int status = p->nuisance.m > 0 ? move_model(p, e) : 0;
     if (status || p->nuisance.m == 0 || (status = problem_evaluate(p, value, e))) {
         return status;
     }

@@ -11,7 +11,7 @@
  * left in the end.
  * A zero of the source at given delta, u_rest = u_source u_sample / u_delta, is invisible and stays a common part.
  *
- * Free       where the points carry weights of their own and the model has a lobe; the offset also not if held.
+ * Free       where the points carry weights of their own and the model has a lobe, and not held; else common parts.
  * Shapes     n points of the problem; vectors are weighted (root_weight) rows.
  * Errors     -ERR_NOMEM; those of fit/aperture.h.
  * Checked    tests/unit/test_nuisance.c

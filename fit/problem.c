@@ -79,6 +79,10 @@ static int check_input(const struct estimate_input *in, struct err *e) {
                            angles[i]);
         }
     }
+    if (!(fabs(in->polarisation) <= 1 && in->u_polarisation >= 0 && in->u_polarisation <= 1)) {
+        return err_set(e, ERR_RANGE, "a polarisation of %g with u %g is not possible; P is -1 to 1",
+                       in->polarisation, in->u_polarisation);
+    }
     if (!(in->kappa > 0 && in->kappa <= 100)) {
         return err_set(e, ERR_RANGE, "kappa is %g; it is 1, or pi for the paper's printed form", in->kappa);
     }
@@ -108,12 +112,13 @@ static int allocate(struct problem *p, struct err *e) {
     p->angle_u2 = calloc(n, sizeof(double));
     p->slope_source = calloc(n, sizeof(double));
     p->slope_sample = calloc(n, sizeof(double));
+    p->slope_polarisation = calloc(n, sizeof(double));
     p->spot_source = calloc(n, sizeof(double));
     p->spot_sample = calloc(n, sizeof(double));
     p->model_beta = calloc(n, sizeof(double));
     p->gradient = calloc(n * (size_t)p->k, sizeof(double));
-    if (!p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample || !p->spot_source ||
-        !p->spot_sample || !p->model_beta || !p->gradient) {
+    if (!p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample ||
+        !p->slope_polarisation || !p->spot_source || !p->spot_sample || !p->model_beta || !p->gradient) {
         return err_set(e, ERR_NOMEM, "no memory for a fit of %zu points", p->n);
     }
     return 0;
@@ -179,7 +184,9 @@ static int set_directions(struct problem *p, struct err *e) {
 }
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
-    *p = (struct problem){.n = input->n, .input = input, .optics = {.kappa = input->kappa, .q = 1}};
+    *p = (struct problem){.n = input->n,
+                          .input = input,
+                          .optics = {.kappa = input->kappa, .q = 1, .polarisation = input->polarisation}};
     int status = reflectance_find(input->model, &p->model, e);
     if (status || (status = check_input(input, e))) {
         return status;
@@ -211,6 +218,7 @@ void problem_free(struct problem *p) {
     free(p->angle_u2);
     free(p->slope_source);
     free(p->slope_sample);
+    free(p->slope_polarisation);
     free(p->spot_source);
     free(p->spot_sample);
     free(p->model_beta);
@@ -310,7 +318,9 @@ int problem_slopes(struct problem *p, const double *value, struct err *e) {
                                 &p->slope_source[i], &p->slope_sample[i], e);
         add_spot(p, i);
     }
-    return status;
+    return status || in->u_polarisation == 0
+               ? status
+               : aperture_polarisation_slope(&p->aperture, p->model, value, p->slope_polarisation, e);
 }
 
 int problem_reweigh(struct problem *p, const double *value, struct err *e) {

@@ -28,6 +28,7 @@ struct problem {
     double *u, *root_weight;             /* [n]; root_weight 1 where unweighted */
     double *angle_u2;                    /* [n] variance of the mean by axis repeatability; 0 at first */
     double *slope_source, *slope_sample; /* [n] d beta / d axis per degree; 0 at first */
+    double *slope_polarisation;          /* [n] d beta / dP; 0 where its u is 0 */
     double *spot_source, *spot_sample;   /* [n] what a zero moves through K (fit/spot.h); 0 at first */
     double *model_beta;                  /* [n] of the last evaluation */
     double *gradient;                    /* [n * k] with respect to the parameters, of the same */

@@ -217,6 +217,25 @@ static int read_model(const json_t *json, struct fitset *data, struct err *e) {
     return status;
 }
 
+static int read_polarisation(const json_t *json, struct fitset *data, struct err *e) {
+    const json_t *polarisation = json_object_get(json, "polarisation");
+    const char *word = json_string_value(polarisation);
+    struct estimate_input *in = &data->input;
+    if (!polarisation) {
+        return 0;
+    }
+    in->polarisation = in->u_polarisation = 0;
+    in->polarisation_unknown = word && strcmp(word, "unknown") == 0;
+    if (word ? in->polarisation_unknown || strcmp(word, "depolarised") == 0
+             : json_is_number(json_object_get(polarisation, "value")) &&
+                   json_is_number(json_object_get(polarisation, "u"))) {
+        in->polarisation = json_number_value(json_object_get(polarisation, "value"));
+        in->u_polarisation = json_number_value(json_object_get(polarisation, "u"));
+        return 0;
+    }
+    return refuse(e, "polarisation", "unknown, depolarised, or {value, u}");
+}
+
 static int read_spot(const json_t *json, struct fitset *data, struct err *e) {
     const json_t *filling = json_object_get(json, "filling"), *reference = json_object_get(json, "reference");
     if ((filling && !json_is_string(filling)) || (reference && !json_is_string(reference))) {
@@ -245,11 +264,13 @@ int request_read_settings(const json_t *json, struct fitset *data, struct err *e
     }
     int status = read_model(json, data, e);
     status = status ? status : read_spot(json, data, e);
+    status = status ? status : read_polarisation(json, data, e);
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers && !status; i++) {
         status = get_number(json, numbers[i].key, numbers[i].value, e);
     }
     if (status || (status = read_mean_nm(json, data, e)) ||
-        (status = get_bool(json, "q_is_one", &in->q_is_one, e))) {
+        (status = get_bool(json, "q_is_one", &in->q_is_one, e)) ||
+        (status = get_bool(json, "hold_offset", &in->hold_offset, e))) {
         return status;
     }
     return get_bool(json, "unweighted", &in->unweighted, e);
@@ -274,6 +295,9 @@ int request_read(const json_t *json, struct request *request, struct err *e) {
         (status = read_points(request, json_object_get(json, "points"), e)) ||
         (status = read_each(request, json, "common", read_cause, e))) {
         return status;
+    }
+    if (!request->final) { /* what it would change is asked once, at the end */
+        request->data.input.polarisation_unknown = false;
     }
     return read_each(request, json, "drift", read_bracket, e);
 }

@@ -21,6 +21,8 @@
  *     filling, reference    view-in-beam | beam-in-view; fixed | per_incidence | every_geometry | start_end (fixed):
  *                           how axis errors act through K (fit/spot.h); without filling they do not
  *     source_width_deg, sensor_width_deg   0: angular, full (fit/aperture.h)
+ *     polarisation          unknown | depolarised | {value, u} ("unknown")
+ *     hold_offset           false: the mirror direction is fitted with its prior from both zeros (fit/nuisance.h)
  *     u_repeat_source_deg, u_repeat_sample_deg, u_zero_source_deg, u_zero_sample_deg   0
  *     final                 false; true adds axis_slopes and, where there are bands, joint to the reply
  * Reply      {"id", "estimate": as estimate_to_json of proto/material.h, "axis_slopes": {"source": [n],

@@ -26,11 +26,9 @@ struct cause { /* a common cause, made alike for the user's and for the two axis
     const int *point;
     const double *mean, *bands;
     double scale;
-    const double *spot; /* of an axis zero, else NULL. Its mean is the same change in every band, as an angle
-                           moves the lobe, which has no colour; the spot's part comes on top, in proportion to
-                           beta */
-    double
-        nuisance[NUISANCES_MAX]; /* what the cause makes of the nuisances themselves, as their prior has it */
+    bool colourless = false;             /* it moves the lobe: the mean's change is that of every band */
+    const double *spot = nullptr;        /* [n] of an axis zero: comes on top, in proportion to beta */
+    double nuisance[NUISANCES_MAX] = {}; /* how far it moves the nuisances themselves */
 
     size_t at(size_t i) const {
         return point ? static_cast<size_t>(point[i]) : i;
@@ -40,10 +38,14 @@ struct cause { /* a common cause, made alike for the user's and for the two axis
     }
 };
 
-void see_offset(const struct problem *p, double per_deg, cause *c) {
+/* One of what the instrument does not know of itself: u of it, and how much of a nuisance one unit of it is. */
+cause own_cause(const struct problem *p, const double *slope, const double *spot, double u,
+                enum nuisance_kind kind, double share) {
+    cause c{p->n, nullptr, slope, nullptr, u, true, spot};
     for (int z = 0; z < p->nuisance.m; z++) {
-        c->nuisance[z] = p->nuisance.of[z].kind == NUISANCE_OFFSET ? per_deg * c->scale : 0;
+        c.nuisance[z] = p->nuisance.of[z].kind == kind ? share * u : 0;
     }
+    return c;
 }
 
 std::vector<cause> causes_of(const struct problem *p) {
@@ -51,15 +53,19 @@ std::vector<cause> causes_of(const struct problem *p) {
     std::vector<cause> all;
     for (size_t c = 0; c < in->n_common; c++) {
         const struct estimate_common *x = &in->common[c];
-        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1, nullptr, {}});
+        all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1});
     }
     if (in->u_zero_source_deg > 0) {
-        all.push_back({p->n, nullptr, p->slope_source, nullptr, in->u_zero_source_deg, p->spot_source, {}});
-        see_offset(p, 0.5, &all.back());
+        all.push_back(
+            own_cause(p, p->slope_source, p->spot_source, in->u_zero_source_deg, NUISANCE_OFFSET, 0.5));
     }
     if (in->u_zero_sample_deg > 0) {
-        all.push_back({p->n, nullptr, p->slope_sample, nullptr, in->u_zero_sample_deg, p->spot_sample, {}});
-        see_offset(p, -1, &all.back());
+        all.push_back(
+            own_cause(p, p->slope_sample, p->spot_sample, in->u_zero_sample_deg, NUISANCE_OFFSET, -1));
+    }
+    if (in->u_polarisation > 0) {
+        all.push_back(
+            own_cause(p, p->slope_polarisation, nullptr, in->u_polarisation, NUISANCE_POLARISATION, 1));
     }
     return all;
 }
@@ -391,7 +397,8 @@ double common_variance(const band_work &w, int band) {
         for (size_t i = 0; i < c.n; i++) {
             const size_t at = c.at(i);
             const double mean = c.change(i), ratio = band_ratio(w.p, at, w.fitted(at));
-            double here = c.spot ? c.scale * (c.mean[i] + c.spot[i] * ratio) : mean * ratio;
+            double here =
+                c.colourless ? c.scale * (c.mean[i] + (c.spot ? c.spot[i] * ratio : 0)) : mean * ratio;
             if (c.bands && std::isfinite(c.bands[i * BANDS + band])) {
                 here = c.scale * c.bands[i * BANDS + band];
             }

@@ -8,6 +8,7 @@
 #include "fit/advice.h"
 #include "fit/crossval.h"
 #include "fit/gap.h"
+#include "fit/instrument.h"
 #include "fit/limit.h"
 #include "fit/misfit.h"
 #include "fit/profile.h"
@@ -23,7 +24,6 @@ constexpr double AT_BOUND = 1e-7;   /* in coordinates; the solver stops exactly 
 constexpr size_t FLANK_POINTS_MIN = 2;
 constexpr double NARROWEST_RAD =
     0.01; /* the lower bound of gamma: half of such a lobe is seen at this distance */
-constexpr double NUISANCE_FAR = 4;          /* u of its prior: no chance */
 constexpr double Z_95 = 1.6448536269514722; /* one-sided */
 
 class Verdict {
@@ -57,7 +57,6 @@ class Verdict {
     void add_saturation(int column);
     int find_gaps(struct err *e);
     void warn_physics();
-    void fill_nuisances();
     int fill_spectrum(struct err *e);
     double relative_u(int column) const;
     bool has(enum material_parameter parameter) const;
@@ -401,21 +400,6 @@ void Verdict::warn_physics() {
     }
 }
 
-void Verdict::fill_nuisances() {
-    for (int j = 0; j < p_->nuisance.m; j++) {
-        const struct nuisance *z = &p_->nuisance.of[j];
-        out_->mirror_offset_deg = z->at;
-        out_->u_mirror_offset_deg = std::sqrt(u_.nuisance_u2[j]);
-        if (std::fabs(z->at - z->mean) > NUISANCE_FAR * z->u) {
-            words_warn(
-                out_,
-                "the mirror direction is off by %.3g deg, %.1f times what the zeros of the axes allow: "
-                "align them again",
-                z->at, std::fabs(z->at - z->mean) / z->u);
-        }
-    }
-}
-
 int Verdict::fill_spectrum(struct err *e) {
     std::fill_n(out_->s_lambda, BANDS, NAN);
     std::fill_n(out_->u_s_lambda, BANDS, NAN);
@@ -462,7 +446,7 @@ int Verdict::fill(struct err *e) {
         return status;
     }
     warn_physics();
-    fill_nuisances();
+    instrument_report(p_, &u_, out_);
     return fill_spectrum(e);
 }
 

@@ -38,6 +38,8 @@ static const struct {
     {"sensor_width_deg", offsetof(struct estimate, sensor_width_deg)},
     {"mirror_offset_deg", offsetof(struct estimate, mirror_offset_deg)},
     {"u_mirror_offset_deg", offsetof(struct estimate, u_mirror_offset_deg)},
+    {"polarisation", offsetof(struct estimate, polarisation)},
+    {"u_polarisation", offsetof(struct estimate, u_polarisation)},
 };
 #define FIGURES (sizeof figures / sizeof *figures)
 
@@ -195,6 +197,14 @@ static json_t *bands_to_json(const double value[BANDS]) {
     return json;
 }
 
+static json_t *span_to_json(const struct material_span *span) {
+    json_t *json = json_object();
+    json_object_set_new(json, "P", pair(-span->p_limit, span->p_limit));
+    json_object_set_new(json, "n", pair(span->n[0], span->n[1]));
+    json_object_set_new(json, "beta_prime", pair(span->beta_prime[0], span->beta_prime[1]));
+    return json;
+}
+
 static json_t *spectrum_to_json(const struct estimate *m) {
     json_t *json = json_object();
     json_object_set_new(json, "first_nm", json_integer(BAND_FIRST_NM));
@@ -233,6 +243,8 @@ json_t *estimate_to_json(const struct estimate *m) {
     json_object_set_new(range, "theta_i_deg", pair(m->theta_i_low_deg, m->theta_i_high_deg));
     json_object_set_new(range, "theta_v_deg", pair(m->theta_v_low_deg, m->theta_v_high_deg));
     json_object_set_new(json, "range", range);
+    if (m->polarisation_span.p_limit > 0)
+        json_object_set_new(json, "polarisation_span", span_to_json(&m->polarisation_span));
     if (m->has_spectrum)
         json_object_set_new(json, "spectrum", spectrum_to_json(m));
     return json;
@@ -433,6 +445,15 @@ static int take_range(const json_t *json, struct estimate *m, struct err *e) {
     return rc != 0 ? rc : take_pair(range, "theta_v_deg", &m->theta_v_low_deg, &m->theta_v_high_deg, e);
 }
 
+static int take_span(const json_t *object, struct material_span *span, struct err *e) {
+    const json_t *json = json_object_get(object, "polarisation_span");
+    double low = 0;
+    int rc = take_pair(json, "P", &low, &span->p_limit, e);
+    if (rc == 0)
+        rc = take_pair(json, "n", &span->n[0], &span->n[1], e);
+    return rc != 0 ? rc : take_pair(json, "beta_prime", &span->beta_prime[0], &span->beta_prime[1], e);
+}
+
 int estimate_from_json(const json_t *json, struct estimate *m, struct err *e) {
     memset(m, 0, sizeof *m);
     if (take_text(json, "model", m->model, sizeof m->model, e) != 0)
@@ -445,7 +466,8 @@ int estimate_from_json(const json_t *json, struct estimate *m, struct err *e) {
         take_matrix(json, "covariance_common", m->model, m->common, e) != 0 ||
         take_names(json, "at_bound", m->model, m->at_bound, e) != 0 ||
         take_named(json_object_get(json, "limit_95"), m->model, m->limit_95, false, e) != 0 ||
-        take_gaps(json, m, e) != 0 || take_warnings(json, m, e) != 0 || take_range(json, m, e) != 0)
+        take_gaps(json, m, e) != 0 || take_warnings(json, m, e) != 0 || take_range(json, m, e) != 0 ||
+        take_span(json, &m->polarisation_span, e) != 0)
         return -ERR_INPUT;
     return take_spectrum(json, m, e);
 }

@@ -45,6 +45,11 @@ struct material_gap { /* why a parameter is not identifiable, and the geometry t
     double next_theta_i_deg, next_theta_v_deg;
 };
 
+struct material_span { /* of the values that a P within its limits would give */
+    double p_limit;    /* |P| <= this; 0: nothing was asked */
+    double n[2], beta_prime[2];
+};
+
 struct estimate {
     char model[16];    /* lambert | oren-nayar | eq1 | composite | ... */
     bool converged;    /* false: see refusal */
@@ -72,6 +77,8 @@ struct estimate {
     double source_width_deg, sensor_width_deg; /* what the points were seen through */
     bool beam_in_view;
     double mirror_offset_deg, u_mirror_offset_deg; /* zero_source / 2 - zero_sample; 0, 0: not fitted */
+    double polarisation, u_polarisation;    /* P as stated, or as fitted from that; 0, 0: depolarised */
+    struct material_span polarisation_span; /* where P is unknown */
     int n_warnings;
     char warning[MATERIAL_WARNINGS][256];
 };
