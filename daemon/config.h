@@ -19,7 +19,7 @@
 #define CONFIG_ZONES 8
 
 enum config_shutter { SHUTTER_LAMP_LINE, SHUTTER_NONE, SHUTTER_MANUAL };
-enum config_polarisation { POLARISATION_UNKNOWN, POLARISATION_DEPOLARISED };
+enum config_polarisation { POLARISATION_UNKNOWN, POLARISATION_DEPOLARISED, POLARISATION_STATED };
 enum config_filling { FILLING_VIEW_IN_BEAM, FILLING_BEAM_IN_VIEW };
 enum config_axis_kind { CONFIG_AXIS_ABSENT, CONFIG_AXIS_MOTOR, CONFIG_AXIS_MANUAL, CONFIG_AXIS_FIXED };
 
@@ -67,6 +67,7 @@ struct config {
         enum config_filling filling;
         double source_width_deg, sensor_width_deg;
         enum config_polarisation polarisation;
+        double polarisation_p, u_polarisation; /* where stated */
     } optics;
     struct config_axis source, sample, holder;
     int n_keep_out;

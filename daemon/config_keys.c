@@ -9,7 +9,6 @@
 
 static const char *const shutters[] = {"lamp-line", "none", "manual", NULL};
 static const char *const fillings[] = {"view-in-beam", "beam-in-view", NULL};
-static const char *const polarisations[] = {"unknown", "depolarised", NULL};
 
 static void read_interval(struct yaml_reader *r, const struct yaml_node *node, double interval[2]) {
     if (!yaml_is_list(node) || yaml_count(node) != 2) {
@@ -102,6 +101,35 @@ static int read_holder(struct yaml_reader *r, const struct yaml_node *node, void
     return read_axis(r, node, &((struct config *)object)->holder);
 }
 
+static const struct yaml_key polarisation_keys[] = {{.name = "value",
+                                                     .type = YAML_DOUBLE,
+                                                     .offset = AT(optics.polarisation_p),
+                                                     .low = -1,
+                                                     .high = 1,
+                                                     .required = true,
+                                                     .doc = "P"},
+                                                    {.name = "u",
+                                                     .type = YAML_DOUBLE,
+                                                     .offset = AT(optics.u_polarisation),
+                                                     .low = 0,
+                                                     .high = 0.5,
+                                                     .required = true,
+                                                     .doc = "its standard uncertainty"},
+                                                    {0}};
+
+static int read_polarisation(struct yaml_reader *r, const struct yaml_node *node, void *object) {
+    struct config *config = object;
+    const char *word = yaml_text(node);
+    config->optics.polarisation = !word                          ? POLARISATION_STATED
+                                  : strcmp(word, "unknown") == 0 ? POLARISATION_UNKNOWN
+                                                                 : POLARISATION_DEPOLARISED;
+    if (yaml_is_map(node))
+        return yaml_read_map(r, node, polarisation_keys, object);
+    if (!word || (strcmp(word, "unknown") != 0 && strcmp(word, "depolarised") != 0))
+        yaml_error(r, node, "expected unknown, depolarised or {value: P, u: U}");
+    return 0;
+}
+
 static const struct yaml_key spectrometer_keys[] = {
     {.name = "model",
      .type = YAML_STRING,
@@ -183,11 +211,14 @@ static const struct yaml_key optics_keys[] = {
      .unit = "deg",
      .doc = "full angular width of the sensor"},
     {.name = "polarisation",
-     .type = YAML_CHOICE,
-     .offset = AT(optics.polarisation),
-     .choices = polarisations,
+     .type = YAML_CUSTOM,
+     .custom = read_polarisation,
      .default_text = "unknown",
-     .doc = "whether source and sensor together prefer a polarisation"},
+     .doc = "how much source and sensor together prefer the light across the plane of incidence: unknown, "
+            "depolarised, "
+            "or a measured P = (across - along) / (across + along) as {value: P, u: U}, -1 to 1; P is then "
+            "fitted "
+            "from there"},
     {0}};
 
 static const struct yaml_key axes_keys[] = {

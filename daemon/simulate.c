@@ -115,7 +115,7 @@ static void set_positions(struct sim_config *s, const struct config_axis *holder
 }
 
 static void take_as_stated(struct sim_config *s) {
-    s->certificate_u_rel = 0;
+    s->certificate_u_rel = s->u_polarisation = 0;
     for (int i = 0; i < s->n_axes; i++)
         s->axis[i].u_zero_deg = 0;
 }
@@ -135,6 +135,10 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     s.filling = config->optics.filling == FILLING_BEAM_IN_VIEW ? SIM_BEAM_IN_VIEW : SIM_VIEW_IN_BEAM;
     s.beam_mm = config->optics.beam_mm;
     s.view_mm = config->optics.view_mm;
+    s.source_width_deg = config->optics.source_width_deg;
+    s.sensor_width_deg = config->optics.sensor_width_deg;
+    s.polarisation = config->optics.polarisation_p;
+    s.u_polarisation = config->optics.u_polarisation;
     s.lamp_warm_up_min = config->lamp_warm_up_min;
     s.shutter_by_hand = config->shutter != SHUTTER_LAMP_LINE;
     set_axes(&s, config, options->file != NULL);

@@ -38,8 +38,9 @@ struct simulate_options {
     uint64_t seed;
     bool quiet; /* no noise, no drift, no draws: for exact tests */
     bool no_drift;
-    double bend;  /* of the detector, unknown to its EEPROM (sim.h) */
-    bool nominal; /* zeros as the config states them, the diffuser as its certificate: no draws of those */
+    double bend; /* of the detector, unknown to its EEPROM (sim.h) */
+    bool
+        nominal; /* zeros and P as the config states them, the diffuser as its certificate: no draws of those */
 };
 
 int simulate_new(struct simulate **simulate, const struct simulate_options *options,

@@ -145,6 +145,7 @@ int sim_bench_mount(struct sim_bench *bench, const char *holder_position, const 
     struct truth_mount *m = position(bench, holder_position, e);
     if (!m)
         return -ERR_INPUT;
+    bench->truth.sight.mount = NULL;
     m->kind = TRUTH_SURFACE;
     m->surface = *surface;
     surface_spline(surface->s_lambda, m->spline);

@@ -3,9 +3,9 @@
  *
  * Light: lamp (warm-up, Brownian drift) x geometry (spots, etendue, both filling cases) x surface x spectrometer
  * response + stray light -> electrons -> noise -> counts. Counts are formed from irradiance and etendue; nothing
- * here is shared with the reduction. Devices: axes behind Modbus registers, an Ocean spectrometer behind bulk
- * endpoints, each coded here from the sheets, never with a driver's codec. Its diffuser and its axis zeros differ
- * from certificate and config by draws from their stated uncertainties.
+ * here is shared with the reduction, and the average over the widths of source and sensor not with the fit. Devices: axes behind Modbus registers, an Ocean spectrometer behind bulk
+ * endpoints, each coded here from the sheets, never with a driver's codec. Its diffuser, its axis zeros and the
+ * polarisation differ from certificate and config by draws from their stated uncertainties.
  *
  * Promises   noise and repeatability are functions of (seed, device, commanded position, holder, lamp, exposure
  *            time, visit, n-th frame of the visit), not of call order. Seed in, same bench out.
@@ -62,7 +62,9 @@ struct sim_config {
     int eeprom; /* enum sim_eeprom: blank = never written, corrupt = a digit of a wavelength lost */
     enum sim_filling filling;
     double beam_mm, view_mm;
-    double lamp_drift_rate; /* relative variance per second */
+    double source_width_deg, sensor_width_deg; /* angular, full */
+    double polarisation, u_polarisation; /* P that source and sensor prefer; the true one is drawn from it */
+    double lamp_drift_rate;              /* relative variance per second */
     double lamp_warm_up_min;
     double stray_light; /* of the spectrometer: share of the mean signal on every pixel */
     double bend;        /* of the detector: relative error at full scale that its EEPROM does not know */

@@ -3,8 +3,8 @@
 #include "fit/reflectance.h"
 #include "sim/measured.h"
 
-void surface_factors(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg,
-                     struct surface_factors *f) {
+void surface_factors(const struct sim_surface *surface, double polarisation, double theta_i_deg,
+                     double theta_v_deg, struct surface_factors *f) {
     double value[MATERIAL_PARAMETERS] = {[MATERIAL_S] = 1,
                                          [MATERIAL_SIGMA] = surface->sigma,
                                          [MATERIAL_GAMMA] = surface->gamma,
@@ -12,9 +12,10 @@ void surface_factors(const struct sim_surface *surface, double theta_i_deg, doub
                                          [MATERIAL_N] = surface->n};
     struct reflectance_geometry g;
     struct reflectance_parts parts;
-    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
+    const struct reflectance_optics optics = {.kappa = 1, .q = 1, .polarisation = polarisation};
+    const double side = theta_i_deg < 0 ? -1 : 1;
     *f = (struct surface_factors){0};
-    if (reflectance_geometry(&g, theta_i_deg, theta_v_deg, NULL) != 0 ||
+    if (reflectance_geometry(&g, side * theta_i_deg, side * theta_v_deg, NULL) != 0 ||
         reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, &optics, &parts, NULL) != 0)
         return;
     *f = (struct surface_factors){parts.diffuse, parts.interreflection, parts.specular};
@@ -28,7 +29,7 @@ double sim_surface_beta(const struct sim_surface *surface, double theta_i_deg, d
     }
     struct surface_factors f;
     double s = surface->s_lambda[band];
-    surface_factors(surface, theta_i_deg, theta_v_deg, &f);
+    surface_factors(surface, 0, theta_i_deg, theta_v_deg, &f);
     return s * f.l1 + s * s * f.l2 + f.specular;
 }
 

@@ -17,8 +17,9 @@ struct surface_factors {
     double l1, l2, specular;
 };
 
-void surface_factors(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg,
-                     struct surface_factors *f);
+/* theta_i_deg < 0: from the other side. All 0 where no light can be. */
+void surface_factors(const struct sim_surface *surface, double polarisation, double theta_i_deg,
+                     double theta_v_deg, struct surface_factors *f);
 void surface_spline(const double value[BANDS], double c[BANDS]);
 /* c at a wavelength, by the position on the band grid (lambda - 380) / 5, clamped. */
 static inline double surface_between(const double c[BANDS], double at) {

@@ -69,6 +69,9 @@ int truth_init(struct truth *t, const struct sim_config *c, const struct detecto
     t->optics = (struct optics){c->beam_mm, c->view_mm};
     t->stray_light = c->stray_light;
     t->halo = c->halo;
+    t->polarisation = c->polarisation + c->u_polarisation * draw(c, "polarisation", "optics");
+    spread_fill(&t->source, c->source_width_deg);
+    spread_fill(&t->sensor, c->sensor_width_deg);
     t->diffuser_factor = 1 + c->certificate_u_rel * draw(c, "certificate", "diffuser");
     lamp_init(&t->lamp, draw_fold(c->seed, draw_word("lamp")), c->quiet ? 0 : c->lamp_drift_rate,
               c->quiet ? 0 : c->lamp_warm_up_min);
@@ -135,33 +138,63 @@ static void add_bands(const struct truth *t, const double beta[BANDS], double sc
         rate[p] += scale * t->white[p] * surface_between(spline, t->band_at[p]);
 }
 
-static void add_surface(const struct truth *t, const struct truth_mount *mount, const struct moment *m,
-                        double scale, double *rate) {
+/* One direction of the source and one of the sensor. */
+static void add_direction(const struct truth *t, struct truth_sight *s, double share, double theta_i_deg,
+                          double theta_v_deg) {
+    double through = share * optics_throughput(&t->optics, theta_i_deg, theta_v_deg), beta[BANDS];
+    s->through += through;
+    if (through == 0 || s->mount->kind != TRUTH_SURFACE)
+        return;
+    if (s->mount->surface.measured) {
+        double side = theta_i_deg < 0 ? -1 : 1;
+        measured_at(s->mount->surface.measured, side * theta_i_deg, side * theta_v_deg, beta);
+        for (int k = 0; k < BANDS; k++)
+            s->beta[k] += through * beta[k];
+        return;
+    }
     struct surface_factors f;
-    surface_factors(&mount->surface, m->theta_i_deg, m->theta_v_deg, &f);
+    surface_factors(&s->mount->surface, t->polarisation, theta_i_deg, theta_v_deg, &f);
+    s->factors.l1 += through * f.l1;
+    s->factors.l2 += through * f.l2;
+    s->factors.specular += through * f.specular;
+}
+
+static void sight(struct truth *t, const struct moment *m) {
+    struct truth_sight *s = &t->sight;
+    if (s->mount == m->mount && s->theta_i_deg == m->theta_i_deg && s->theta_v_deg == m->theta_v_deg)
+        return;
+    *s =
+        (struct truth_sight){.mount = m->mount, .theta_i_deg = m->theta_i_deg, .theta_v_deg = m->theta_v_deg};
+    for (int a = 0; a < t->source.n; a++)
+        for (int b = 0; b < t->sensor.n; b++)
+            add_direction(t, s, t->source.share[a] * t->sensor.share[b], m->theta_i_deg + t->source.by_deg[a],
+                          m->theta_v_deg + t->sensor.by_deg[b]);
+}
+
+static void add_surface(const struct truth *t, double light, double *rate) {
+    const struct surface_factors *f = &t->sight.factors;
     for (int p = 0; p < t->detector.model->pixels; p++) {
-        double s = surface_between(mount->spline, t->band_at[p]);
-        rate[p] += scale * t->white[p] * (s * f.l1 + s * s * f.l2 + f.specular);
+        double s = surface_between(t->sight.mount->spline, t->band_at[p]);
+        rate[p] += light * t->white[p] * (s * f->l1 + s * s * f->l2 + f->specular);
     }
 }
 
-static void add_moment(const struct truth *t, const struct moment *m, double weight, double *rate) {
-    double through = optics_throughput(&t->optics, m->theta_i_deg, m->theta_v_deg), beta[BANDS];
+static void add_moment(struct truth *t, const struct moment *m, double weight, double *rate) {
+    double beta[BANDS], light = weight * m->level;
     if (!m->lit)
         return;
-    double light = weight * m->level, scale = light * through;
     for (int p = 0; p < t->detector.model->pixels && t->halo > 0; p++)
         rate[p] += light * t->halo * t->white[p];
-    if (!m->mount || scale == 0)
+    if (!m->mount || m->mount->kind == TRUTH_NOTHING)
         return;
+    sight(t, m);
     if (m->mount->kind == TRUTH_DIFFUSER) {
         diffuser_certified(m->theta_i_deg, m->theta_v_deg, beta);
-        add_bands(t, beta, scale * t->diffuser_factor, rate);
-    } else if (m->mount->kind == TRUTH_SURFACE && m->mount->surface.measured) {
-        measured_at(m->mount->surface.measured, m->theta_i_deg, m->theta_v_deg, beta);
-        add_bands(t, beta, scale, rate);
-    } else if (m->mount->kind == TRUTH_SURFACE) {
-        add_surface(t, m->mount, m, scale, rate);
+        add_bands(t, beta, light * t->sight.through * t->diffuser_factor, rate);
+    } else if (m->mount->surface.measured) {
+        add_bands(t, t->sight.beta, light, rate);
+    } else {
+        add_surface(t, light, rate);
     }
 }
 

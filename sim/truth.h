@@ -6,6 +6,10 @@
  * commanded positions, lamp, exposure time, visit, n-th frame of the visit); that of a blended one by its times.
  * A visit begins with the first still frame in a state other than the last still frame's.
  *
+ * Widths     a surface is seen from each direction of the sensor in the light of each of the source, in plane: flux and
+ *            spots of optics.h times the surface's value there, summed up. The diffuser hardly changes over a width
+ *            (by 1e-5 of its value over 1 deg): its value in the middle is its certified one, and its table's edges are
+ *            not the diffuser's.
  * Geometry   theta_v = sample, theta_i = source - sample, true angles; both negated where theta_i < 0. More than
  *            TRUTH_PLACE_DEG away from every holder position nothing stands in the beam.
  * Level      a white surface at 0:0 fills the scale in TRUTH_FULL_SCALE_US with the lamp warm, whatever the spots:
@@ -19,6 +23,7 @@
 #include "sim/detector.h"
 #include "sim/lamp.h"
 #include "sim/optics.h"
+#include "sim/spread.h"
 #include "sim/surface.h"
 
 #define TRUTH_SUBSTEPS 16
@@ -44,6 +49,15 @@ struct truth_mount {
     double spline[BANDS]; /* of s_lambda */
 };
 
+/* What the optics make of a surface at a geometry: of a unit of light at 0:0, through of it arrives where beta is 1, and
+ * the surface's mean over the directions follows. */
+struct truth_sight {
+    const struct truth_mount *mount; /* NULL: none yet */
+    double theta_i_deg, theta_v_deg, through;
+    struct surface_factors factors; /* of a modelled surface */
+    double beta[BANDS];             /* of a measured one */
+};
+
 struct truth_visit {
     uint64_t state; /* 0 = free */
     int count;
@@ -55,7 +69,9 @@ struct truth {
     struct lamp lamp;
     struct optics optics;
     struct detector detector;
-    double stray_light, halo, diffuser_factor;
+    double stray_light, halo, diffuser_factor, polarisation;
+    struct spread source, sensor;
+    struct truth_sight sight; /* the last one seen */
     struct truth_axis axis[TRUTH_ROLES];
     struct truth_mount mount[SIM_POSITIONS];
     int n_mounts;
