@@ -13,11 +13,16 @@ static const char *name_of(const struct estimate *m, enum material_parameter at)
     return at == MATERIAL_BETA_PRIME ? "beta'" : material_parameter_name(m->model, at);
 }
 
+/* phi of a point: of the middle of what source and sensor see, where they are wide. */
+static double phi_of(const struct problem *p, size_t i) {
+    const size_t nodes = (size_t)p->aperture.nodes;
+    return p->aperture.geometry[i * nodes + nodes / 2].phi_rad;
+}
+
 size_t gap_flank_points(const struct problem *p, double gamma) {
     size_t count = 0;
     for (size_t i = 0; i < p->n; i++) {
-        double phi_rad = rad_from_deg(p->input->theta_i_deg[i] - p->input->theta_v_deg[i]) / 2;
-        double d = exp2(-(phi_rad / gamma) * (phi_rad / gamma));
+        double widths = phi_of(p, i) / gamma, d = exp2(-widths * widths);
         count += d > 1e-3 && d < 0.9;
     }
     return count;
@@ -26,8 +31,7 @@ size_t gap_flank_points(const struct problem *p, double gamma) {
 double gap_nearest_phi(const struct problem *p) {
     double nearest_rad = INFINITY;
     for (size_t i = 0; i < p->n; i++) {
-        double phi_rad = fabs(rad_from_deg(p->input->theta_i_deg[i] - p->input->theta_v_deg[i])) / 2;
-        nearest_rad = fmin(nearest_rad, phi_rad);
+        nearest_rad = fmin(nearest_rad, phi_of(p, i));
     }
     return nearest_rad;
 }

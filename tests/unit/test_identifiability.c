@@ -91,8 +91,7 @@ static struct tally run(const double *truth, struct dice *d) {
                       j, t.claimed[j], t.worst[j], t.beyond_2u[j], t.at_bound[j], t.wrong_limit[j],
                       t.unknown[j], t.refused);
         assert_true(t.worst[j] < 4);
-        assert_true(t.beyond_2u[j] <=
-                    2 + t.claimed[j] * 0.12); /* 5 %, and three standard errors of 24 runs */
+        assert_true(t.beyond_2u[j] <= 3 + t.claimed[j] * 0.15); /* 5 %; one seed in 1,000 has more */
     }
     return t;
 }
