@@ -15,8 +15,8 @@
 
 static const char help[] =
     "usage: goniorender render SCENE.yaml -o FILE.png|FILE.tif [--report R.json] [--all-features]\n"
-    "                          [--session MATERIAL=FILE]... [--planes P.exr] [--spectral S.exr] [--threads "
-    "N]\n"
+    "                          [--session MATERIAL=FILE]... [--planes P.exr] [--spectral S.exr]\n"
+    "                          [--uncertainty U.exr] [--threads N]\n"
     "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
     "  --planes P.exr    a, b, c of each pixel, for goniorender recolour (not of a series)\n"

@@ -63,6 +63,14 @@ def test_help_and_version(folder):
     assert run()[0] == 2 and run("paint")[0] == 2
 
 
+def test_the_manual_names_every_command(folder):
+    manual = Path("docs/goniorender.md").read_text()
+    commands = re.findall(r"^  ([a-z]+)  ", run("--help")[1], re.M)
+    assert {"render", "diff", "sheet"} <= set(commands)
+    for command in commands:
+        assert f"goniorender {command}" in manual, command
+
+
 def test_every_example_renders(folder):
     scenes = sorted(p.name for p in SCENES.glob("*.yaml") if "session:" not in p.read_text())
     assert scenes, "no example needs no session"
