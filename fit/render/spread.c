@@ -30,6 +30,7 @@ struct work { /* one picture, shared by all threads */
     bool moved[MATERIAL_PARAMETERS]; /* slope[] holds something */
     double white[3];
     atomic_int next, finished;
+    atomic_bool out_of_memory;
     pthread_mutex_t lock; /* of the progress bar */
     struct progress progress;
 };
@@ -239,6 +240,9 @@ static void *run_thread(void *argument) {
     struct work *w = argument;
     struct bench b;
     b.entry = malloc((size_t)SCENE_PAINTS * (size_t)w->planes.n_sets * sizeof *b.entry);
+    if (!b.entry) {
+        atomic_store(&w->out_of_memory, true);
+    }
     while (b.entry && !(w->options->cancel && *w->options->cancel)) {
         int y = atomic_fetch_add(&w->next, 1);
         if (y >= w->planes.height) {
@@ -271,8 +275,11 @@ static int run_threads(struct work *w, struct err *e) {
     }
     progress_end(&w->progress);
     pthread_mutex_destroy(&w->lock);
-    return atomic_load(&w->finished) == w->planes.height
-               ? 0
+    if (atomic_load(&w->finished) == w->planes.height) {
+        return 0; /* a thread that had no memory is no error: the others did its part */
+    }
+    return atomic_load(&w->out_of_memory)
+               ? err_set(e, ERR_NOMEM, "no memory for the uncertainty")
                : err_set(e, ERR_CANCELLED, "interrupted before the uncertainty was known");
 }
 
