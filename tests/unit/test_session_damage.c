@@ -188,7 +188,8 @@ static void make_old(void) {
         snprintf(text, sizeof text, "ALTER TABLE %s DROP COLUMN crc", tables[i]);
         sql(text);
     }
-    sql("DROP TABLE linearity; PRAGMA user_version = 1");
+    sql("DROP TABLE linearity; DROP TABLE estimation_joint_row; DROP TABLE estimation_joint; PRAGMA "
+        "user_version = 1");
 }
 
 static void an_older_file_is_read_and_goes_on(void **state) {
