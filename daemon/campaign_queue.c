@@ -80,14 +80,14 @@ int campaign_job_plan(const struct campaign *c, const char *file, const char *te
     }
     result = plan_make(&out->job, c->setup.config, &devices, &out->plan, errors);
     int unknown = check_samples(c, &out->job, errors);
-    if (result == 0 && unknown < 0)
-        plan_free(&out->plan);
     result = result < 0 ? result : unknown;
     out->planned = result == 0;
-    if (result < 0)
+    if (result < 0) {
+        plan_free(&out->plan); /* also one that was refused holds its refusals */
         job_free(&out->job);
-    else
+    } else {
         snprintf(out->name, sizeof out->name, "%s", out->job.name);
+    }
     return result;
 }
 
