@@ -137,8 +137,10 @@ int simulate_new(struct simulate **simulate, const struct simulate_options *opti
     s.view_mm = config->optics.view_mm;
     s.source_width_deg = config->optics.source_width_deg;
     s.sensor_width_deg = config->optics.sensor_width_deg;
-    s.polarisation = config->optics.polarisation_p;
-    s.u_polarisation = config->optics.u_polarisation;
+    if (!options->file) {
+        s.polarisation = config->optics.polarisation_p;
+        s.u_polarisation = config->optics.u_polarisation;
+    }
     s.lamp_warm_up_min = config->lamp_warm_up_min;
     s.shutter_by_hand = config->shutter != SHUTTER_LAMP_LINE;
     set_axes(&s, config, options->file != NULL);

@@ -125,8 +125,7 @@ int Estimation::prepare_pass(int pass, double *moved, struct err *e) {
     if (status || pass > 0) {
         return status ? status : nuisance_adopt(&fit_.p, fit_.value, moved, e);
     }
-    status = problem_reweigh(&fit_.p, fit_.value, e);
-    return status ? status : nuisance_refresh(&fit_.p, fit_.value, e);
+    return problem_reweigh(&fit_.p, fit_.value, e);
 }
 
 /* Two passes: each takes q from the spectrum of the one before; more only where a nuisance still moves. */

@@ -373,13 +373,12 @@ void Covariance::add_causes(Parts *p) {
     for (size_t c = 0; c < in_->n_common; c++) {
         add_cause(p, &in_->common[c], 1, nullptr);
     }
-    const struct estimate_common source = {d_->n, nullptr, d_->p->slope_source, nullptr};
-    const struct estimate_common sample = {d_->n, nullptr, d_->p->slope_sample, nullptr};
-    if (in_->u_zero_source_deg > 0) {
-        add_cause(p, &source, in_->u_zero_source_deg, d_->p->spot_source);
-    }
-    if (in_->u_zero_sample_deg > 0) {
-        add_cause(p, &sample, in_->u_zero_sample_deg, d_->p->spot_sample);
+    std::vector<double> room(3 * d_->n);
+    struct nuisance_cause own[NUISANCE_CAUSES];
+    const int n_own = nuisance_causes(d_->p, room.data(), own);
+    for (int c = 0; c < n_own; c++) {
+        const struct estimate_common cause = {d_->n, nullptr, own[c].slope, nullptr};
+        add_cause(p, &cause, own[c].u, own[c].spot);
     }
 }
 

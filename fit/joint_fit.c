@@ -81,8 +81,9 @@ static int fit_bands(struct joint_data *d, const double *value, struct joint *jo
 static int fit_problem(struct problem *p, const struct estimate *start, struct joint *joint, struct err *e) {
     struct joint_data d;
     p->optics.q = start->q;
-    int status = problem_evaluate(p, start->value, e);
-    if (status || (status = problem_reweigh(p, start->value, e)) || (status = joint_data_init(&d, p, e))) {
+    int status = nuisance_take(p, start, e);
+    if (status || (status = problem_evaluate(p, start->value, e)) ||
+        (status = problem_reweigh(p, start->value, e)) || (status = joint_data_init(&d, p, e))) {
         return status;
     }
     status = fit_bands(&d, start->value, joint, e);

@@ -131,15 +131,11 @@ static void find_axes(struct problem *p) {
     }
 }
 
-int nuisance_refresh(struct problem *p, const double *value, struct err *e) {
-    int status = p->nuisance.m > 0 ? problem_slopes(p, value, e) : 0;
-    for (int j = 0; j < p->nuisance.m && !status; j++) {
+void nuisance_weigh(struct problem *p) {
+    for (int j = 0; j < p->nuisance.m; j++) {
         find_slope(p, &p->nuisance.of[j]);
     }
-    if (!status) {
-        find_axes(p);
-    }
-    return status;
+    find_axes(p);
 }
 
 static void take_out(const struct problem *p, int j, double factor, double *vector) {
@@ -242,8 +238,53 @@ int nuisance_adopt(struct problem *p, const double *value, double *moved, struct
         z->at = z->kind == NUISANCE_POLARISATION ? fmax(-1, fmin(next, 1)) : next;
     }
     int status = p->nuisance.m > 0 ? move_model(p, e) : 0;
-    if (status || p->nuisance.m == 0 || (status = problem_evaluate(p, value, e))) {
+    if (status || p->nuisance.m == 0 || (status = problem_evaluate(p, value, e)) ||
+        (status = problem_slopes(p, value, e))) {
         return status;
     }
-    return nuisance_refresh(p, value, e);
+    nuisance_weigh(p);
+    return 0;
+}
+
+int nuisance_take(struct problem *p, const struct estimate *estimate, struct err *e) {
+    for (int j = 0; j < p->nuisance.m; j++) {
+        struct nuisance *z = &p->nuisance.of[j];
+        const bool offset = z->kind == NUISANCE_OFFSET;
+        z->at = z->mean = offset ? estimate->mirror_offset_deg : estimate->polarisation;
+        z->u = offset ? estimate->u_mirror_offset_deg : estimate->u_polarisation;
+    }
+    return p->nuisance.m > 0 ? move_model(p, e) : 0;
+}
+
+static int add_cause(struct nuisance_cause *cause, int n, const double *slope, const double *spot, double u) {
+    cause[n] = (struct nuisance_cause){slope, spot, u};
+    return u > 0 ? n + 1 : n;
+}
+
+int nuisance_causes(const struct problem *p, double *room, struct nuisance_cause cause[NUISANCE_CAUSES]) {
+    const struct estimate_input *in = p->input;
+    double *none = room, *slope = room + p->n, *spot = room + 2 * p->n;
+    int n = 0;
+    bool offset = false, polarisation = false;
+    for (size_t i = 0; i < p->n;
+         i++) { /* both axes at a given mirror direction: the sample by half the source */
+        none[i] = 0;
+        slope[i] = p->slope_source[i] + p->slope_sample[i] / 2;
+        spot[i] = p->spot_source[i] + p->spot_sample[i] / 2;
+    }
+    for (int j = 0; j < p->nuisance.m; j++) {
+        const struct nuisance *z = &p->nuisance.of[j];
+        offset = offset || z->kind == NUISANCE_OFFSET;
+        polarisation = polarisation || z->kind == NUISANCE_POLARISATION;
+        n = add_cause(cause, n, z->slope, none, z->u);
+    }
+    if (!polarisation) {
+        n = add_cause(cause, n, p->slope_polarisation, none, in->u_polarisation);
+    }
+    if (offset) {
+        const double u_rest_deg = in->u_zero_source_deg * in->u_zero_sample_deg / nuisance_u_offset_deg(in);
+        return add_cause(cause, n, slope, spot, u_rest_deg);
+    }
+    n = add_cause(cause, n, p->slope_source, p->spot_source, in->u_zero_source_deg);
+    return add_cause(cause, n, p->slope_sample, p->spot_sample, in->u_zero_sample_deg);
 }

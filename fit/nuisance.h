@@ -49,11 +49,13 @@ struct problem;
 
 int nuisance_init(struct problem *p, struct err *e);
 void nuisance_free(struct problem *p);
-/* Slopes and axes anew, from the last evaluation at value and its weights. */
-int nuisance_refresh(struct problem *p, const double *value, struct err *e);
+/* Axes anew, from the slopes and weights of problem_reweigh, which ends with it. */
+void nuisance_weigh(struct problem *p);
 /* Moves the model to the z that suits the last evaluation best; *moved in units of the prior's u. Evaluates and
- * refreshes. */
+ * finds slopes and axes anew. */
 int nuisance_adopt(struct problem *p, const double *value, double *moved, struct err *e);
+/* Moves the model to where an estimate of the same points found them; their u is then what that left. */
+int nuisance_take(struct problem *p, const struct estimate *estimate, struct err *e);
 /* Weighted residuals (model - target) and weighted columns of a Jacobian, in place. */
 void nuisance_residuals(const struct problem *p, double *vector);
 void nuisance_whiten(const struct problem *p, double *vector);
@@ -62,6 +64,14 @@ double nuisance_taken(const struct problem *p, size_t i);
 double nuisance_chi2(const struct problem *p); /* of the priors, where the model stands */
 /* How far point i's angles are from its readbacks, and what its value is multiplied by through K. */
 void nuisance_shift(const struct problem *p, size_t i, double *di_deg, double *dv_deg, double *factor);
+/* After nuisance_take, as common causes: what is left of each, and of the zeros at the offset found. slope is the same
+ * change in every band, spot in proportion to beta. room: [3n]. Returns how many. */
+#define NUISANCE_CAUSES 4 /* one more than there can be */
+struct nuisance_cause {
+    const double *slope, *spot;
+    double u;
+};
+int nuisance_causes(const struct problem *p, double *room, struct nuisance_cause cause[NUISANCE_CAUSES]);
 double nuisance_u_offset_deg(const struct estimate_input *input); /* of the prior */
 
 #ifdef __cplusplus

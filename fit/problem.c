@@ -336,5 +336,6 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
         double carry = noise_law_carry(&law, u, in->beta[i], p->model_beta[i]);
         set_weight(p, i, u * u * carry + p->angle_u2[i]);
     }
+    nuisance_weigh(p);
     return 0;
 }
