@@ -76,7 +76,7 @@ int instrument_span(struct problem *p, const struct solve_result *best, struct e
     p->optics.polarisation = before;
     words_warn(
         estimate,
-        "the polarisation is not known: with |P| <= %g n lies within %.4g .. %.4g, beta' within %.4g .. "
+        "the polarisation is not known: with |P| <= %g n lies within %.4g .. %.4g, beta_prime within %.4g .. "
         "%.4g",
         INSTRUMENT_P_LIMIT, span->n[0], span->n[1], span->beta_prime[0], span->beta_prime[1]);
     return status;

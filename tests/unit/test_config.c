@@ -111,6 +111,30 @@ static void ten_mistakes_in_one_pass(void **state) {
     err_list_free(&errors);
 }
 
+#define AROUND(optics)                                                                                       \
+    "spectrometer: {model: usb4000}\noptics: {beam_mm: 20, view_mm: 3, " optics                              \
+    "}\naxes: {sample: manual, source: {profile: om-az, link: \"tcp:10.0.0.2:502\", unit: 1, "               \
+    "limits_deg: [-70, 140]}}\n"
+
+static void polarisation_is_a_word_or_a_value_with_its_u(void **state) {
+    (void)state;
+    struct config config;
+    struct err_list errors = {0};
+    assert_int_equal(read_text(AROUND("filling: view-in-beam"), &config, &errors), 0);
+    assert_int_equal(config.optics.polarisation, POLARISATION_UNKNOWN);
+    assert_int_equal(read_text(AROUND("polarisation: depolarised"), &config, &errors), 0);
+    assert_int_equal(config.optics.polarisation, POLARISATION_DEPOLARISED);
+    assert_int_equal(read_text(AROUND("polarisation: {value: -0.03, u: 0.01}"), &config, &errors), 0);
+    assert_int_equal(config.optics.polarisation, POLARISATION_STATED);
+    assert_true(config.optics.polarisation_p == -0.03 && config.optics.u_polarisation == 0.01);
+    assert_int_equal(read_text(AROUND("polarisation: some"), &config, &errors), -ERR_INPUT);
+    assert_true(plan_bench_says(&errors, "expected unknown, depolarised"));
+    err_list_free(&errors);
+    assert_int_equal(read_text(AROUND("polarisation: {value: 2}"), &config, &errors), -ERR_INPUT);
+    assert_int_equal(errors.n, 2);
+    err_list_free(&errors);
+}
+
 static void an_axis_is_one_of_three_things(void **state) {
     (void)state;
     struct config config;
@@ -165,8 +189,11 @@ static void what_is_no_config_is_refused(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_built_in_bench_is_valid),  cmocka_unit_test(a_bench_turned_by_hand),
-        cmocka_unit_test(ten_mistakes_in_one_pass),     cmocka_unit_test(an_axis_is_one_of_three_things),
+        cmocka_unit_test(the_built_in_bench_is_valid),
+        cmocka_unit_test(a_bench_turned_by_hand),
+        cmocka_unit_test(ten_mistakes_in_one_pass),
+        cmocka_unit_test(polarisation_is_a_word_or_a_value_with_its_u),
+        cmocka_unit_test(an_axis_is_one_of_three_things),
         cmocka_unit_test(what_is_no_config_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -99,6 +99,23 @@ def test_fit_finds_what_eval_was_given(folder):
     assert code == 0 and "beta_prime" in out and "chi-square" in out
 
 
+def test_what_the_instrument_is_known_to_be(folder):
+    path = measured(folder)
+    code, out, err = run("fit", path, "--json")
+    plain = json.loads(out)
+    span = plain["polarisation_span"]  # of a file, nothing is known
+    assert span["P"] == [-0.1, 0.1] and span["n"][0] < plain["parameters"]["n"] < span["n"][1], span
+    code, out, err = run("fit", path, "--json", "--source-width", 2, "--sensor-width", 1, "--polarisation", "0.05,0.03")
+    seen = json.loads(out)
+    assert code == 0 and seen["source_width_deg"] == 2 and seen["sensor_width_deg"] == 1, err
+    assert "polarisation_span" not in seen and 0 < seen["u_polarisation"] <= 0.03
+    assert seen["parameters"]["gamma"] < plain["parameters"]["gamma"]  # a part of the lobe's width is the instrument's
+    for words in (["--source-width", "-1"], ["--polarisation", "2"], ["--polarisation", "0.1,x"],
+                  ["--mirror-offset", "loose"]):
+        code, out, err = run("fit", path, *words)
+        assert code == 2 and not out, (words, err)
+
+
 def test_all_bands_together(folder):
     """S of each band, and one shape that they share, known better than from any band alone."""
     dice, bands, path = random.Random(3), {500: 0.1, 550: 0.4, 600: 0.2}, folder / "bands.csv"
