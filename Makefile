@@ -6,7 +6,7 @@
 #   make lint                 layout, mistakes, sizes, who includes whom
 #   make asan                 every test under AddressSanitizer and UBSan, in build/asan
 #   make crash N=200          goniod killed N times at random moments and N times in a write, and resumed
-#   make bench                the figures, into docs/bench-report.md
+#   make bench                the figures, into docs/bench-report.md and docs/render-report.md
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
 #   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
 #   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
@@ -113,6 +113,7 @@ bench:
 	@.ci/deps build check bench
 	@$(MAKE) --no-print-directory -j$(JOBS) all $(BENCHES) $(PRELOADS)
 	@bash tests/bench/run.sh $(BUILD) docs/bench-report.md
+	@$(BUILD)/goniorender bench -o docs/render-report.md --csv docs/render-error.csv --plot docs/images/render-error.svg
 
 # Two calls of make: the libraries may only have come with the packages.
 check:

@@ -8,7 +8,8 @@
 extern "C" {
 #endif
 
-double stopwatch_s(void); /* CLOCK_MONOTONIC */
+double stopwatch_s(void);     /* CLOCK_MONOTONIC */
+double stopwatch_cpu_s(void); /* of this process, all threads, user and system */
 
 #ifdef __cplusplus
 }

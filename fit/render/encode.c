@@ -3,6 +3,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+#define CELLS_PER_CODE                                                                                       \
+    16 /* sRGB climbs by 12.92 codes in a cell of one code near black; 8 bits stay in the cache */
+
 double encode_inverse(const struct colour_curve *curve, double code) {
     double linear = curve->gain > 0 ? code / curve->gain : INFINITY;
     return linear <= curve->low ? linear : pow((code + curve->offset) / curve->scale, curve->gamma);
@@ -10,8 +13,9 @@ double encode_inverse(const struct colour_curve *curve, double code) {
 
 int encode_make(struct encode *encode, const struct colour_curve *curve, int bits, struct err *e) {
     encode->top = (1 << bits) - 1;
+    encode->cells = bits == 8 ? CELLS_PER_CODE * 256 : 1 << bits;
     encode->limit = malloc((size_t)(encode->top + 1) * sizeof *encode->limit);
-    encode->first = malloc((ENCODE_CELLS + 1) * sizeof *encode->first);
+    encode->first = malloc((size_t)(encode->cells + 1) * sizeof *encode->first);
     if (!encode->limit || !encode->first) {
         encode_free(encode);
         return err_set(e, ERR_NOMEM, "no memory for the tone curve");
@@ -21,8 +25,8 @@ int encode_make(struct encode *encode, const struct colour_curve *curve, int bit
         encode->limit[k] = encode_inverse(curve, (k - 0.5) / encode->top);
     }
     int code = 0;
-    for (int cell = 0; cell <= ENCODE_CELLS; cell++) {
-        while (code < encode->top && cell / (double)ENCODE_CELLS >= encode->limit[code + 1]) {
+    for (int cell = 0; cell <= encode->cells; cell++) {
+        while (code < encode->top && cell / (double)encode->cells >= encode->limit[code + 1]) {
             code++;
         }
         encode->first[cell] = (uint16_t)code;

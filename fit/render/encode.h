@@ -13,12 +13,10 @@
 
 #include "fit/render/colour.h"
 
-#define ENCODE_CELLS 65536
-
 struct encode {
-    int top;
+    int top, cells;
     double *limit;   /* [top + 1]: the least value of code k */
-    uint16_t *first; /* [ENCODE_CELLS + 1]: the code at the lower end of a cell of 0..1 */
+    uint16_t *first; /* [cells + 1]: the code at the lower end of a cell of 0..1 */
 };
 
 int encode_make(struct encode *encode, const struct colour_curve *curve, int bits, struct err *e);
@@ -32,7 +30,7 @@ static inline uint16_t encode_code(const struct encode *encode, double value) {
     if (value >= 1) {
         return (uint16_t)encode->top;
     }
-    uint16_t code = encode->first[(int)(value * ENCODE_CELLS)];
+    uint16_t code = encode->first[(int)(value * encode->cells)];
     while (code < encode->top && value >= encode->limit[code + 1]) {
         code++;
     }

@@ -6,11 +6,13 @@
 
 static const char help[] =
     "usage: goniorender render SCENE.yaml -o FILE.png | recolour PLANES.exr -o FILE.png |\n"
-    "       goniorender diff SCENE.yaml [OTHER.yaml] [-o FILE.png]\n"
+    "       goniorender diff SCENE.yaml [OTHER.yaml] [-o FILE.png] | bench | stability\n"
     "  render             renders a scene of painted shapes\n"
     "  recolour           another light, observer or paint for planes that were rendered\n"
     "  diff               how different two materials, lights or scenes look (CIEDE2000)\n"
     "  sheet              one rendering under many lights, side by side\n"
+    "  bench              error against run time, on this machine\n"
+    "  stability          what becomes of extreme inputs\n"
     "  --scene-reference  prints every key of a scene file\n"
     "  goniorender COMMAND --help tells more; --version prints the version\n"
     "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
@@ -44,6 +46,8 @@ static const struct {
     {"recolour", verb_recolour},
     {"diff", verb_diff},
     {"sheet", verb_sheet},
+    {"bench", verb_bench},
+    {"stability", verb_stability},
     {"--scene-reference", command_reference},
     {"--help", command_help},
     {"--version", command_version},

@@ -131,7 +131,8 @@ static void encode_row(struct picture *p, const struct encode *encode, const dou
         double r = rgb[0][x], g = rgb[1][x], b = rgb[2][x];
         p->clipped += r > 1 + GAMUT_SLACK || g > 1 + GAMUT_SLACK || b > 1 + GAMUT_SLACK;
         p->out_of_gamut += r < -GAMUT_SLACK || g < -GAMUT_SLACK || b < -GAMUT_SLACK;
-        p->max_y = fmax(p->max_y, luminance[0] * r + luminance[1] * g + luminance[2] * b);
+        double y = luminance[0] * r + luminance[1] * g + luminance[2] * b;
+        p->max_y = y > p->max_y ? y : p->max_y;
         code[3 * x] = encode_code(encode, r);
         code[3 * x + 1] = encode_code(encode, g);
         code[3 * x + 2] = encode_code(encode, b);

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "fit/render/encode.h"
 #include "fit/stopwatch.h"
 #include "fit/render/trace.h"
 
@@ -37,9 +36,14 @@ static void prepare_halves(struct trace *t) {
 int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct render_report *report, struct err *e) {
     struct render_options own = *options;
-    double started = stopwatch_s();
+    double started = stopwatch_s(), cpu = stopwatch_cpu_s();
     own.threads = own.threads > 0 ? own.threads : (int)sysconf(_SC_NPROCESSORS_ONLN);
     features_find(scene, own.all_features, &report->features);
+    for (int i = 0; i < FEATURES; i++) {
+        if (own.keep >> i & 1) {
+            report->features.line[i] = (struct feature_line){true, 0, "asked for"};
+        }
+    }
     struct trace trace = {.scene = scene,
                           .features = &report->features,
                           .shade_features = shade_mask(&report->features),
@@ -56,6 +60,7 @@ int render_planes(const struct scene *scene, const struct render_options *option
     free(trace.half);
     report->threads = own.threads;
     report->trace_s = stopwatch_s() - started;
+    report->trace_cpu_s = stopwatch_cpu_s() - cpu;
     if (!status && report->counts.rows_done == 0) {
         status = err_set(e, ERR_CANCELLED, "cancelled before a single row was done");
     }

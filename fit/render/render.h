@@ -23,6 +23,7 @@
 struct render_options {
     int threads;                         /* 0: as many as there are processors */
     bool all_features;                   /* nothing is left out */
+    unsigned keep;                       /* bit 1 << enum feature: this one is not left out */
     bool progress;                       /* a bar on stderr */
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
@@ -35,7 +36,7 @@ struct render_counts {
 struct render_report {
     struct features features;
     struct render_counts counts;
-    double trace_s;
+    double trace_s, trace_cpu_s; /* cpu: of the whole process meanwhile */
     int threads;
 };
 

@@ -57,6 +57,15 @@ struct shade_abc {
     double a, b, c;
 };
 
+/* fmin and fmax are calls where a NaN must be looked after; here there is none. */
+static inline double shade_least(double a, double b) {
+    return a < b ? a : b;
+}
+
+static inline double shade_most(double a, double b) {
+    return a > b ? a : b;
+}
+
 /* Fresnel's reflectance of a facet, unpolarised; reflectance.h has the same with derivatives. */
 static inline double shade_fresnel(double n2_1, double cos2_q) {
     double sin2_q = 1 - cos2_q, c = sqrt(cos2_q), root = sqrt(n2_1 + cos2_q), sum = root + c, cr = c * root;
@@ -69,7 +78,7 @@ static inline double shade_fresnel(double n2_1, double cos2_q) {
 
 static inline struct shade_half shade_half(const struct shade_paint *p, struct vec3 l, struct vec3 v) {
     struct shade_half half = {.h = vec3_add(l, v), .l_dot_v = vec3_dot(l, v)};
-    half.cos2_q = fmin(0.25 * vec3_dot(half.h, half.h), 1);
+    half.cos2_q = shade_least(0.25 * vec3_dot(half.h, half.h), 1);
     half.fresnel = shade_fresnel(p->n2_1, half.cos2_q);
     return half;
 }
@@ -77,12 +86,13 @@ static inline struct shade_half shade_half(const struct shade_paint *p, struct v
 /* Oren and Nayar times cos theta_i: a without S, b without S^2. */
 static inline void shade_rough(const struct shade_paint *p, double ci, double cr, double l_dot_v,
                                struct shade_abc *out) {
-    double high = fmax(ci, cr), low = fmin(ci, cr); /* cosines of the smaller and of the larger angle */
+    double high = shade_most(ci, cr),
+           low = shade_least(ci, cr); /* cosines of the smaller and of the larger angle */
     double sin_small = sqrt((1 - high) * (1 + high)), sin_large = sqrt((1 - low) * (1 + low));
-    double u = acos(fmin(high, 1)) * M_2_PI, u_large = acos(fmin(low, 1)) * M_2_PI;
+    double u = acos(shade_least(high, 1)) * M_2_PI, u_large = acos(shade_least(low, 1)) * M_2_PI;
     double azimuthal = l_dot_v - ci * cr; /* cos(dphi) sin theta_i sin theta_r */
     double product = sin_small * sin_large;
-    double cos_dphi = product > 0 ? fmax(-1, fmin(1, azimuthal / product)) : 0;
+    double cos_dphi = product > 0 ? shade_most(-1, shade_least(1, azimuthal / product)) : 0;
     double back = azimuthal < 0 && sin_large > 0 ? 1 - u * u * u / sin_large : 1;
     double scale = ci / high;
     double side =
@@ -117,7 +127,7 @@ static inline double shade_lobe(const unsigned features, const struct shade_pain
     }
     struct vec3 across = vec3_cross(n, half->h);
     double phi = atan2(sqrt(vec3_dot(across, across)), along);
-    double open = 1 / cr, shadowed = ci * along / (fmax(ci, cr) * half->cos2_q);
+    double open = 1 / cr, shadowed = ci * along / (shade_most(ci, cr) * half->cos2_q);
     double visibility = shadowed < open ? shadowed : open;
     return shade_distribution(features, p, phi * phi) * visibility * half->fresnel;
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "fit/render/albedo.h"
 #include "fit/render/image.h"
 #include "fit/render/origin.h"
 #include "fit/render/planes_file.h"
@@ -99,6 +100,10 @@ static void print_materials(const struct scene *scene) {
         }
         printf("material: %s from %s, %s; %d of %d bands not measured but held, %.2g %% of its X, Y or Z\n",
                p->name, p->source, p->estimate.model, held, BANDS, 100 * share);
+        double highest, above_deg = albedo_above_one_deg(p, &highest);
+        printf("energy:   %s returns at most %.3g of the light", p->name, highest);
+        printf(above_deg < 0 ? "\n" : ": more than it receives from %g deg on, rendered as fitted\n",
+               above_deg);
         if (share > PAINT_HELD_WARNING) {
             fprintf(stderr,
                     "warning: material %s: %.2g %% of its X, Y or Z rests on bands that were not measured\n",
@@ -139,8 +144,8 @@ static json_t *times_json(const struct job *job, const struct render_report *rep
                           double write_s) {
     printf("time:     scene %.3f s, trace %.3f s with %d threads, colour %.3f s, file %.3f s\n", job->parse_s,
            report->trace_s, report->threads, colour_s, write_s);
-    return json_pack("{s:f,s:f,s:f,s:f}", "parse", job->parse_s, "trace", report->trace_s, "colour", colour_s,
-                     "write", write_s);
+    return json_pack("{s:f,s:f,s:f,s:f,s:f}", "parse", job->parse_s, "trace", report->trace_s, "trace_cpu",
+                     report->trace_cpu_s, "colour", colour_s, "write", write_s);
 }
 
 static int write_picture(const struct job *job, const char *path, const struct render_report *report,

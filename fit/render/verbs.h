@@ -19,6 +19,8 @@ int verb_render(int argc, char **argv);
 int verb_recolour(int argc, char **argv);
 int verb_diff(int argc, char **argv);
 int verb_sheet(int argc, char **argv);
+int verb_bench(int argc, char **argv);
+int verb_stability(int argc, char **argv);
 int verb_complain(const char *command, const struct err *e);
 int verb_complain_all(struct err_list *errors); /* prints, frees */
 /* Becomes 1 at the first SIGINT or SIGTERM after the call; the second ends the process. */

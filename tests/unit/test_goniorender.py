@@ -104,7 +104,7 @@ def test_a_picture_carries_its_origin(folder):
         assert origin[key] == report[key], key
     assert origin["materials"][0]["parameters"]["beta_prime"] == 7.6
     assert str(scene) in origin["command"]
-    assert set(report["seconds"]) == {"parse", "trace", "colour", "write"}
+    assert set(report["seconds"]) == {"parse", "trace", "trace_cpu", "colour", "write"}
 
 
 def test_threads_and_all_features_give_the_same_picture(folder):
@@ -198,6 +198,26 @@ def test_sheet(folder):
                   [folder / "p.exr", "--session", "green=x.gonio"]):
         code, out, err = run("sheet", *words, "-o", folder / "x.png")
         assert code == 2 and err and not (folder / "x.png").exists(), (words, code, err)
+
+
+def test_extremes_are_all_numbers(folder):
+    code, out, err = run("stability")
+    rows = [line.split("|") for line in out.splitlines()[2:]]
+    assert code == 0 and len(rows) == 22, err
+    assert all(int(row[3]) > 0 and int(row[4]) == 0 for row in rows), out
+    assert run("stability", "now")[0] == 2
+
+
+def test_bench_writes_its_report(folder):
+    code, out, err = run("bench", "--quick", "-o", folder / "r.md", "--csv", folder / "r.csv")
+    assert code == 0 and out == "", err
+    report = (folder / "r.md").read_text()
+    for words in ("the figures below are worth nothing", "| S2 acrylic 17 | 64 |", "recolour, planes in memory",
+                  "| sums over wavelengths |", "| 20 nm |"):
+        assert words in report, words
+    assert re.search(r"at most \d\.\de-1[0-9] apart", report), "shade.h and reflectance.h differ"
+    assert len([line for line in (folder / "r.csv").read_text().splitlines() if line]) == 1 + 6 * 4
+    assert run("bench", "fast")[0] == 2
 
 
 def test_bad_input_starts_nothing(folder):

@@ -1,0 +1,83 @@
+/*
+ * bench.h — error against run time of the renderer, by one protocol for every scene; internal to `goniorender bench`.
+ *
+ * Errors are of linear X, Y, Z over the pixels that show an object, against a reference of 4,096 jittered samples a
+ * pixel in two halves of other seeds, with nothing left out and summed by wavelengths. Times are of whole processes.
+ * Checked    tests/unit/test_goniorender.py runs it at small size
+ */
+#ifndef FIT_RENDER_BENCH_H
+#define FIT_RENDER_BENCH_H
+
+#include <stdio.h>
+
+#include "fit/render/cie.h"
+#include "fit/render/render.h"
+
+#define BENCH_GRIDS 4 /* 1, 2, 4, 8: 1 to 64 samples a pixel */
+
+struct bench_scene {
+    const char *name, *about;
+    double sigma, gamma, beta_prime, n, turn_deg;
+};
+
+extern const struct bench_scene bench_scene[];
+extern const int bench_scenes;
+
+struct bench_size {
+    int error_pixels, time_pixels; /* side of the pictures for errors and for times */
+    int reference_grid;            /* its samples a pixel: grid squared, in two halves */
+    int repeats;                   /* of each timed process; the median counts */
+};
+
+struct bench_error { /* of one sampling of one scene */
+    int samples;
+    double rmse, relmse, largest;       /* over the object; rmse and largest over the mean Y */
+    double edge_rmse, inner_rmse;       /* pixels at an edge of what is seen, and the others */
+    double de_mean, de_p95, de_largest; /* CIEDE2000, white = the perfect diffuser */
+    double trace_s;                     /* CPU */
+};
+
+struct bench_errors {
+    struct bench_error row[BENCH_GRIDS];
+    double reference_rmse; /* half the distance of the two halves, over the mean Y: the floor */
+    double slope;          /* of log rmse over log samples */
+    double model_apart;    /* largest difference to fit/reflectance.h, at one sample a pixel */
+};
+
+struct bench_time { /* medians of whole processes */
+    double wall_s, cpu_s, trace_s, trace_cpu_s, rss_mib;
+};
+
+struct bench_recolour { /* best of several, in this process */
+    double rgb_s;       /* planes in memory through a new matrix */
+    double codes_s;     /* and on to the codes of a picture */
+};
+
+struct bench_ablation {   /* [FEATURES]: all of them kept */
+    double lean_s, bound; /* CPU of tracing and colouring with all left out that may be */
+    bool left_out[FEATURES + 1];
+    double kept_s[FEATURES + 1], apart[FEATURES + 1]; /* with this one kept; largest change of X, Y, Z */
+};
+
+struct bench_grid {
+    const char *name;
+    int first, last, step; /* bands */
+};
+
+/* folder: a scratch folder, where the scene's files are written. */
+int bench_write_scene(const char *folder, const struct bench_scene *s, int pixels, int grid, char path[512],
+                      struct err *e);
+int bench_error_run(const char *folder, const struct bench_scene *s, const struct bench_size *size,
+                    struct bench_errors *errors, struct err *e);
+/* words: the program and its arguments; report: R.json that it writes, or NULL. */
+int bench_time_run(char *const *words, const char *report, int repeats, struct bench_time *time,
+                   struct err *e);
+
+int bench_recolour(const char *folder, const struct bench_size *size, struct bench_recolour *out,
+                   struct err *e);
+int bench_ablation(const char *folder, const struct bench_size *size, struct bench_ablation *out,
+                   struct err *e);
+/* Largest change of X, Y, Z over Y of a green, against 380..780 nm at 5 nm. */
+double bench_grid_error(const struct cie_illuminant *light, const struct bench_grid *grid);
+
+#endif

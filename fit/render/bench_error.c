@@ -1,0 +1,303 @@
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit/reflectance.h"
+#include "fit/render/bench.h"
+#include "fit/render/ciede2000.h"
+#include "fit/render/trace.h"
+#include "proto/units.h"
+
+#define EPSILON 1e-4 /* of the mean squared, in relMSE */
+
+struct reference { /* X, Y, Z of each pixel from each half of the samples */
+    int n;
+    double *half[2];
+    unsigned char
+        *shown; /* bit 0: an object in some sample; bit 1: and none, or another part of it, in another */
+};
+
+static void free_reference(struct reference *r) {
+    free(r->half[0]);
+    free(r->half[1]);
+    free(r->shown);
+}
+
+struct sampling { /* the samples of one half in one pixel */
+    const struct trace *trace;
+    int columns, rows; /* of jittered cells */
+    unsigned short dice[3];
+};
+
+/* The mean of a, b, c; whether some sample met the object, and some did not or met it in shadow. */
+static unsigned char sample_pixel(struct sampling *s, int x, int y, struct shade_abc *mean) {
+    struct render_counts unused = {0};
+    int lit = 0, met = 0, all = s->columns * s->rows;
+    *mean = (struct shade_abc){0, 0, 0};
+    for (int i = 0; i < all; i++) {
+        struct trace_sample sample;
+        double u = (i % s->columns + erand48(s->dice)) / s->columns;
+        double v = (i / s->columns + erand48(s->dice)) / s->rows;
+        struct ray ray = camera_ray(&s->trace->scene->camera, x + u, y + v);
+        trace_direct(s->trace, &ray, &sample, &unused);
+        if (sample.paint >= 0) {
+            met++;
+            lit += sample.set[0].a > 0;
+            mean->a += sample.set[0].a / all;
+            mean->b += sample.set[0].b / all;
+            mean->c += sample.set[0].c / all;
+        }
+    }
+    return (unsigned char)((met > 0) | ((met > 0 && lit < all && lit > 0) || (met > 0 && met < all)) << 1);
+}
+
+static int fill_half(const struct trace *trace, int grid, int half, struct reference *r, struct err *e) {
+    const struct scene *scene = trace->scene;
+    struct planes planes;
+    int status = planes_make(&planes, scene->image.width, scene->image.height, 1, true, true, e);
+    for (int y = 0; y < planes.height && !status; y++) {
+        struct sampling s = {trace, grid, grid / 2, {(unsigned short)y, (unsigned short)(half + 1), 77}};
+        for (int x = 0; x < planes.width; x++) {
+            size_t i = (size_t)y * (size_t)planes.width + (size_t)x;
+            struct shade_abc mean;
+            unsigned char shown = sample_pixel(&s, x, y, &mean);
+            r->shown[i] |= shown;
+            planes.paint[i] = shown & 1 ? 0 : -1;
+            planes.set[0].a[i] = mean.a;
+            planes.set[0].b[i] = mean.b;
+            planes.set[0].c[i] = mean.c;
+        }
+    }
+    status = status ? status : render_xyz(scene, &planes, true, r->half[half], e);
+    planes_free(&planes);
+    return status;
+}
+
+static int make_reference(const struct scene *scene, int grid, struct reference *r, struct err *e) {
+    struct features all;
+    struct shade_half(*half)[SCENE_LIGHTS] = calloc(SCENE_PAINTS, sizeof *half);
+    struct trace trace = {.scene = scene,
+                          .features = &all,
+                          .shadow_rays = true,
+                          .dark_lights = true,
+                          .half = half,
+                          .shade_features = SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES};
+    r->n = scene->image.width * scene->image.height;
+    r->half[0] = malloc(3 * (size_t)r->n * sizeof(double));
+    r->half[1] = malloc(3 * (size_t)r->n * sizeof(double));
+    r->shown = calloc((size_t)r->n, 1);
+    features_find(scene, true, &all);
+    int status =
+        half && r->half[0] && r->half[1] && r->shown ? 0 : err_set(e, ERR_NOMEM, "no memory for a reference");
+    status = status ? status : fill_half(&trace, grid, 0, r, e);
+    status = status ? status : fill_half(&trace, grid, 1, r, e);
+    free(half);
+    return status;
+}
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double mean_y(const struct reference *r) {
+    double sum = 0;
+    int n = 0;
+    for (int i = 0; i < r->n; i++) {
+        if (r->shown[i] & 1) {
+            sum += (r->half[0][3 * i + 1] + r->half[1][3 * i + 1]) / 2;
+            n++;
+        }
+    }
+    return n ? sum / n : 1;
+}
+
+struct sums {
+    double all, edge, inner, relative;
+    int n, n_edge, n_inner;
+};
+
+static double root_mean(double sum, int n) {
+    return n ? sqrt(sum / (3.0 * n)) : 0;
+}
+
+static void compare_pixel(const struct reference *r, int i, const double *xyz, double mean, struct sums *sums,
+                          struct bench_error *out) {
+    double square = 0;
+    for (int k = 0; k < 3; k++) {
+        double expected = (r->half[0][3 * i + k] + r->half[1][3 * i + k]) / 2, d = xyz[3 * i + k] - expected;
+        square += d * d;
+        sums->relative += d * d / (expected * expected + EPSILON * mean * mean);
+        out->largest = fmax(out->largest, fabs(d) / mean);
+    }
+    sums->all += square;
+    sums->n++;
+    if (r->shown[i] & 2) {
+        sums->edge += square;
+        sums->n_edge++;
+    } else {
+        sums->inner += square;
+        sums->n_inner++;
+    }
+}
+
+static double difference(const struct reference *r, int i, const double *xyz, const double white[3]) {
+    double expected[3], lab1[3], lab2[3];
+    for (int k = 0; k < 3; k++) {
+        expected[k] = (r->half[0][3 * i + k] + r->half[1][3 * i + k]) / 2;
+    }
+    colour_lab(expected, white, lab1);
+    colour_lab(xyz + 3L * i, white, lab2);
+    return ciede2000(lab1, lab2);
+}
+
+static int compare(const struct reference *r, const double *xyz, const double white[3],
+                   struct bench_error *out, struct err *e) {
+    struct sums sums = {0};
+    double mean = mean_y(r), *de = malloc((size_t)r->n * sizeof *de);
+    if (!de) {
+        return err_set(e, ERR_NOMEM, "no memory to compare");
+    }
+    for (int i = 0; i < r->n; i++) {
+        if (r->shown[i] & 1) {
+            de[sums.n] = difference(r, i, xyz, white);
+            out->de_mean += de[sums.n];
+            compare_pixel(r, i, xyz, mean, &sums, out);
+        }
+    }
+    out->rmse = root_mean(sums.all, sums.n) / mean;
+    out->edge_rmse = root_mean(sums.edge, sums.n_edge) / mean;
+    out->inner_rmse = root_mean(sums.inner, sums.n_inner) / mean;
+    out->relmse = sums.n ? sums.relative / (3.0 * sums.n) : 0;
+    out->de_mean /= sums.n ? sums.n : 1;
+    qsort(de, (size_t)sums.n, sizeof *de, by_size);
+    out->de_p95 = sums.n ? de[(int)(0.95 * (sums.n - 1))] : 0;
+    out->de_largest = sums.n ? de[sums.n - 1] : 0;
+    free(de);
+    return 0;
+}
+
+static double floor_of(const struct reference *r) {
+    double sum = 0;
+    int n = 0;
+    for (int i = 0; i < r->n; i++) {
+        for (int k = 0; k < 3 && (r->shown[i] & 1); k++) {
+            double d = r->half[0][3 * i + k] - r->half[1][3 * i + k];
+            sum += d * d;
+            n++;
+        }
+    }
+    return n ? sqrt(sum / n) / 2 / mean_y(r) : 0;
+}
+
+/* a, b and c of one hit again by fit/reflectance.h, from angles instead of vectors. */
+static double model_difference(const struct scene *scene, const struct hit *hit, struct vec3 l, struct vec3 v,
+                               const struct shade_abc *got) {
+    const struct estimate *m = &scene->paint[hit->paint].estimate;
+    double ci = vec3_dot(hit->normal, l), cr = vec3_dot(hit->normal, v), value[MATERIAL_PARAMETERS];
+    struct vec3 across_l = vec3_sub(l, vec3_scale(hit->normal, ci)),
+                across_v = vec3_sub(v, vec3_scale(hit->normal, cr));
+    double dphi = atan2(vec3_length(vec3_cross(across_l, across_v)), vec3_dot(across_l, across_v));
+    struct reflectance_optics optics = {.kappa = m->kappa, .q = 1};
+    struct reflectance_geometry g;
+    struct reflectance_parts parts;
+    enum reflectance_model model;
+    memcpy(value, m->value, sizeof value);
+    value[MATERIAL_S] = 1;
+    bool evaluated =
+        ci > 0.02 && cr > 0.02 && reflectance_find(m->model, &model, NULL) == 0 &&
+        reflectance_geometry_general(&g, deg_from_rad(acos(fmin(ci, 1))), deg_from_rad(acos(fmin(cr, 1))),
+                                     deg_from_rad(dphi), NULL) == 0 &&
+        reflectance_eval_parts(model, &g, value, &optics, &parts, NULL) == 0;
+    if (!evaluated) {
+        return 0;
+    }
+    double a = fabs(got->a - fmax(0, ci * parts.diffuse)), b = fabs(got->b - ci * parts.interreflection);
+    return fmax(fmax(a, b), fabs(got->c - ci * parts.specular) / (1 + ci * parts.specular));
+}
+
+static double model_apart(const struct scene *scene, const struct planes *planes) {
+    double apart = 0;
+    for (int i = 0; i < planes->width * planes->height; i++) {
+        struct ray ray = camera_ray(&scene->camera, i % planes->width + 0.5, i / planes->width + 0.5);
+        struct hit hit = {.t_mm = INFINITY};
+        if (planes->paint[i] >= 0 && shape_hit(&scene->shape[0], &ray, &hit)) {
+            struct shade_abc got = {planes->set[0].a[i], planes->set[0].b[i], planes->set[0].c[i]};
+            apart = fmax(apart, model_difference(scene, &hit, scene->light[0].direction,
+                                                 vec3_scale(ray.direction, -1), &got));
+        }
+    }
+    return apart;
+}
+
+/* Nothing left out: what is compared is the formula. */
+static int compare_model(struct scene *scene, struct bench_errors *errors, struct err *e) {
+    struct planes planes;
+    struct render_report report = {0};
+    int status = render_planes(scene, &(struct render_options){.threads = 1, .all_features = true}, &planes,
+                               &report, e);
+    if (!status) {
+        errors->model_apart = model_apart(scene, &planes);
+        planes_free(&planes);
+    }
+    return status;
+}
+
+static int error_row(struct scene *scene, const struct reference *reference, int grid,
+                     struct bench_error *row, struct err *e) {
+    struct planes planes;
+    struct render_report report = {0};
+    double *xyz = malloc(3 * (size_t)reference->n * sizeof *xyz), white[3];
+    scene->image.grid = grid;
+    row->samples = grid * grid;
+    int status = xyz ? 0 : err_set(e, ERR_NOMEM, "no memory to compare");
+    status = status ? status : colour_white(scene->spd[0].power, COLOUR_2DEG, white, e);
+    status =
+        status ? status : render_planes(scene, &(struct render_options){.threads = 1}, &planes, &report, e);
+    if (!status) {
+        row->trace_s = report.trace_cpu_s;
+        status = render_xyz(scene, &planes, false, xyz, e);
+        status = status ? status : compare(reference, xyz, white, row, e);
+        planes_free(&planes);
+    }
+    free(xyz);
+    return status;
+}
+
+static double slope_of(const struct bench_errors *errors) {
+    double sx = 0, sy = 0, sxx = 0, sxy = 0;
+    for (int i = 0; i < BENCH_GRIDS; i++) {
+        double x = log(errors->row[i].samples), y = log(errors->row[i].rmse);
+        sx += x;
+        sy += y;
+        sxx += x * x;
+        sxy += x * y;
+    }
+    return (BENCH_GRIDS * sxy - sx * sy) / (BENCH_GRIDS * sxx - sx * sx);
+}
+
+int bench_error_run(const char *folder, const struct bench_scene *s, const struct bench_size *size,
+                    struct bench_errors *errors, struct err *e) {
+    char path[512];
+    struct err_list list = {0};
+    struct reference reference = {0};
+    *errors = (struct bench_errors){0};
+    int status = bench_write_scene(folder, s, size->error_pixels, 1, path, e);
+    struct scene *scene = status ? NULL : scene_read(path, NULL, 0, &list);
+    err_list_free(&list);
+    if (!scene) {
+        return status ? status : err_set(e, ERR_INPUT, "the scene %s cannot be read back", path);
+    }
+    status = compare_model(scene, errors, e);
+    status = status ? status : make_reference(scene, size->reference_grid, &reference, e);
+    for (int i = 0; i < BENCH_GRIDS && !status; i++) {
+        status = error_row(scene, &reference, 1 << i, &errors->row[i], e);
+    }
+    if (!status) {
+        errors->reference_rmse = floor_of(&reference);
+        errors->slope = slope_of(errors);
+    }
+    free_reference(&reference);
+    scene_free(scene);
+    return status;
+}

@@ -1,0 +1,364 @@
+#include "fit/render/verbs.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fit/render/bench.h"
+#include "proto/file.h"
+
+static const char help[] =
+    "usage: goniorender bench [-o REPORT.md] [--csv ROWS.csv] [--plot PLOT.svg] [--quick]\n"
+    "Measures error against run time on this machine: every scene against a reference of its own, processes "
+    "of 1 and 2\n"
+    "threads, what each left-out part costs, POV-Ray beside it where it is installed.\n"
+    "  -o REPORT.md   default: on stdout\n"
+    "  --csv, --plot  the rows of the errors; log-log, drawn by gnuplot\n"
+    "  --quick        small pictures: whether it works, not how fast\n";
+
+static const struct bench_size whole = {100, 1000, 64, 5}, quick = {24, 60, 8, 1};
+
+struct bench {
+    const char *report, *csv, *plot;
+    char folder[64], self[512];
+    const struct bench_size *size;
+    FILE *out, *rows;
+};
+
+/* 1: help was asked for and printed. */
+static int read_options(int argc, char **argv, struct bench *b, struct err *e) {
+    static const struct option known[] = {
+        {"output", required_argument, NULL, 'o'}, {"csv", required_argument, NULL, 'c'},
+        {"plot", required_argument, NULL, 'p'},   {"quick", no_argument, NULL, 'q'},
+        {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0}};
+    optind = 1;
+    for (int c; (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
+        switch (c) {
+        case 'o':
+            b->report = optarg;
+            break;
+        case 'c':
+            b->csv = optarg;
+            break;
+        case 'p':
+            b->plot = optarg;
+            break;
+        case 'q':
+            b->size = &quick;
+            break;
+        case 'h':
+            fputs(help, stdout);
+            return 1;
+        default:
+            return err_set(e, ERR_USAGE, "see goniorender bench --help");
+        }
+    }
+    return optind == argc
+               ? 0
+               : err_set(e, ERR_USAGE, "'%s' is not expected; see goniorender bench --help", argv[optind]);
+}
+
+static void first_line(const char *path, const char *key, char *line, size_t size) {
+    FILE *file = fopen(path, "r");
+    snprintf(line, size, "unknown");
+    for (char text[256]; file && fgets(text, sizeof text, file);) {
+        if (strncmp(text, key, strlen(key)) == 0) {
+            const char *colon = key[0] ? strchr(text, ':') : NULL;
+            snprintf(line, size, "%.*s", (int)strcspn(colon ? colon + 2 : text, "\n"),
+                     colon ? colon + 2 : text);
+            break;
+        }
+    }
+    if (file) {
+        fclose(file);
+    }
+}
+
+static void print_head(const struct bench *b) {
+    char cpu[256], load[256];
+    first_line("/proc/cpuinfo", "model name", cpu, sizeof cpu);
+    first_line("/proc/loadavg", "", load, sizeof load);
+    fprintf(b->out,
+            "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
+            "- processor: %s, %ld of them; load average when it began: %s\n"
+            "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
+            "- scenes: a cylinder in parallel light, orthographic. S3 to S5 (panel, fold, mesh) are not "
+            "rendered yet;\n"
+            "  S6 is `goniorender stability`\n\n",
+            GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", cpu,
+            sysconf(_SC_NPROCESSORS_ONLN), load);
+}
+
+static void print_errors(const struct bench *b, const struct bench_scene *s, const struct bench_errors *x) {
+    for (int i = 0; i < BENCH_GRIDS; i++) {
+        const struct bench_error *r = &x->row[i];
+        bool at_floor = x->reference_rmse > r->rmse / 10;
+        fprintf(b->out,
+                "| %s | %d | %.2e%s | %.2e | %.2e | %.2e | %.2e | %.2e | %.3f | %.3f | %.2f | %.1e |\n",
+                s->name, r->samples, r->rmse, at_floor ? " at reference floor" : "", r->edge_rmse,
+                r->inner_rmse, r->relmse, r->largest, x->reference_rmse, r->de_mean, r->de_p95, r->de_largest,
+                1 / (r->relmse * r->trace_s));
+        if (b->rows) {
+            fprintf(b->rows, "%s,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", s->name, r->samples,
+                    r->rmse, r->edge_rmse, r->inner_rmse, r->relmse, r->largest, r->de_mean, r->de_p95,
+                    r->de_largest, r->trace_s, x->reference_rmse);
+        }
+    }
+    if (b->rows) {
+        fputs("\n\n", b->rows); /* gnuplot's next block */
+    }
+}
+
+static int bench_errors_of_all(const struct bench *b, struct err *e) {
+    struct bench_errors x[16];
+    double apart = 0;
+    int status = 0;
+    fprintf(b->out,
+            "## Errors\n\n%d x %d pixels, linear X, Y, Z of the object's pixels; reference %d jittered "
+            "samples a pixel in two\n"
+            "halves, everything kept, summed by wavelengths. RMSE and max over the mean Y; relMSE with 1e-4 "
+            "of the mean\n"
+            "squared. 'floor' is half the distance of the reference's halves.\n\n"
+            "| scene | samples | RMSE | at edges | inside | relMSE | max | floor | DE2000 mean | 95 %% | max "
+            "| 1/(relMSE s) |\n"
+            "|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+            b->size->error_pixels, b->size->error_pixels, b->size->reference_grid * b->size->reference_grid);
+    if (b->rows) {
+        fputs("scene,samples,rmse,edge_rmse,inner_rmse,relmse,max,de_mean,de_p95,de_max,trace_s,floor\n",
+              b->rows);
+    }
+    for (int i = 0; i < bench_scenes && !status; i++) {
+        fprintf(stderr, "errors of %s ...\n", bench_scene[i].name);
+        status = bench_error_run(b->folder, &bench_scene[i], b->size, &x[i], e);
+        if (!status) {
+            print_errors(b, &bench_scene[i], &x[i]);
+            apart = x[i].model_apart > apart ? x[i].model_apart : apart;
+        }
+    }
+    fputs("\nSlope of log RMSE over log samples:", b->out);
+    for (int i = 0; i < bench_scenes && !status; i++) {
+        fprintf(b->out, "%s %s %.2f", i ? "," : "", bench_scene[i].name, x[i].slope);
+    }
+    fprintf(b->out,
+            ".\n\nOne sample a pixel against `fit/reflectance.h`, which works with angles and is judged "
+            "against MPFR:\n"
+            "a, b and c (c relative to 1 + c) at most %.1e apart.\n\n",
+            apart);
+    return status;
+}
+
+static int time_one(const struct bench *b, int grid, const char *threads, struct bench_time *time,
+                    struct err *e) {
+    char scene[512], picture[128], report[128];
+    snprintf(picture, sizeof picture, "%s/p.png", b->folder);
+    snprintf(report, sizeof report, "%s/r.json", b->folder);
+    int status = bench_write_scene(b->folder, &bench_scene[1], b->size->time_pixels, grid, scene, e);
+    char *words[] = {(char *)b->self, "render",        scene,      "-o",   picture,
+                     "--threads",     (char *)threads, "--report", report, NULL};
+    fprintf(stderr, "time of %d samples, %s threads ...\n", grid * grid, threads);
+    return status ? status : bench_time_run(words, report, b->size->repeats, time, e);
+}
+
+static const char *met(bool good) {
+    return good ? "met" : "not met";
+}
+
+static int bench_times(const struct bench *b, struct err *e) {
+    struct bench_time time[4] = {0};
+    int status = 0;
+    fprintf(b->out,
+            "## Times\n\nThe cylinder tilted by 17 deg, full model, 81 wavelengths, %d x %d pixels; whole "
+            "processes with 8-bit\n"
+            "PNG, medians of %d.\n\n"
+            "| samples | threads | wall s | CPU s | trace wall s | trace CPU s | peak RSS MiB "
+            "|\n|---|---|---|---|---|---|---|\n",
+            b->size->time_pixels, b->size->time_pixels, b->size->repeats);
+    for (int i = 0; i < 4 && !status; i++) {
+        status = time_one(b, i < 2 ? 1 : 4, i % 2 ? "2" : "1", &time[i], e);
+        fprintf(b->out, "| %d | %d | %.3f | %.3f | %.3f | %.3f | %.1f |\n", i < 2 ? 1 : 16, 1 + i % 2,
+                time[i].wall_s, time[i].cpu_s, time[i].trace_s, time[i].trace_cpu_s, time[i].rss_mib);
+    }
+    if (!status) {
+        fprintf(b->out,
+                "\n| figure | to reach | measured | |\n|---|---|---|---|\n"
+                "| trace, 1 thread, 1 sample | 0.12 s is the aim | %.3f s wall, %.3f s CPU | %s by wall, %s "
+                "by CPU |\n"
+                "| two threads over one, trace, 16 samples | 1.85 by wall | %.2f | %s |\n",
+                time[0].trace_s, time[0].trace_cpu_s, met(time[0].trace_s <= 0.12),
+                met(time[0].trace_cpu_s <= 0.12), time[2].trace_s / time[3].trace_s,
+                met(time[2].trace_s / time[3].trace_s >= 1.85));
+    }
+    return status;
+}
+
+static int bench_povray(const struct bench *b, const struct bench_time *own, struct err *e) {
+    char scene[160], picture[128], pixels_w[16], pixels_h[16];
+    snprintf(scene, sizeof scene, "+I%s/c.pov", b->folder);
+    snprintf(picture, sizeof picture, "+O%s/pov.png", b->folder);
+    snprintf(pixels_w, sizeof pixels_w, "+W%d", b->size->time_pixels);
+    snprintf(pixels_h, sizeof pixels_h, "+H%d", b->size->time_pixels);
+    char *words[] = {"povray", scene, pixels_w, pixels_h, "+WT1", "-D", "-A", picture, "+FN8", NULL};
+    FILE *file = fopen(scene + 2, "w");
+    if (!file) {
+        return err_errno(e, ERR_IO, errno, "%s cannot be written", scene + 2);
+    }
+    fputs("camera { orthographic location <0,0,-100> right x*70 up y*70 direction z look_at 0 }\n"
+          "light_source { <-34202,0,-93969> rgb 1 parallel point_at 0 }\n"
+          "cylinder { <0,-31,0>, <0,31,0>, 31 rotate z*17 pigment { rgb <.1,.5,.2> }\n"
+          "  finish { ambient 0 diffuse 1 specular .5 roughness .01 } }\n",
+          file);
+    fclose(file);
+    struct bench_time time;
+    struct err missing = {0};
+    if (bench_time_run(words, NULL, b->size->repeats, &time, &missing)) {
+        fprintf(b->out, "| POV-Ray, RGB, without antialiasing | whole process at most 1/6 of it | not "
+                        "installed here |\n");
+        return 0;
+    }
+    fprintf(b->out,
+            "| whole process, 1 thread, over POV-Ray's of RGB without antialiasing | 1/6 by wall | 1/%.1f by "
+            "wall (%.3f s "
+            "of POV-Ray), 1/%.1f by CPU | %s |\n",
+            time.wall_s / own->wall_s, time.wall_s, time.cpu_s / own->cpu_s,
+            met(time.wall_s >= 6 * own->wall_s));
+    return 0;
+}
+
+static int bench_parts(const struct bench *b, struct err *e) {
+    struct bench_recolour recolour;
+    struct bench_ablation x;
+    struct bench_time own;
+    int status = bench_recolour(b->folder, b->size, &recolour, e);
+    status = status ? status : time_one(b, 1, "1", &own, e);
+    status = status ? status : bench_povray(b, &own, e);
+    if (status) {
+        return status;
+    }
+    fprintf(b->out,
+            "| recolour, planes in memory, 1 thread | 3 ms | %.2f ms to linear colour, %.2f ms with 8-bit "
+            "codes | %s |\n\n",
+            1e3 * recolour.rgb_s, 1e3 * recolour.codes_s, met(recolour.rgb_s <= 3e-3));
+    status = bench_ablation(b->folder, b->size, &x, e);
+    fprintf(b->out,
+            "## What each left-out part would cost\n\nCPU of tracing and colouring, %d x %d pixels, 1 "
+            "sample, one thread; bound "
+            "printed by the program: %.1e.\n\n| kept although not needed | time | largest change of X, Y, Z "
+            "|\n|---|---|---|\n",
+            b->size->time_pixels / 2, b->size->time_pixels / 2, x.bound);
+    for (int i = 0; i <= FEATURES && !status; i++) {
+        if (x.left_out[i]) {
+            fprintf(b->out, "| %s | %.2f x | %.1e |\n",
+                    i < FEATURES ? feature_name((enum feature)i) : "all of them", x.kept_s[i] / x.lean_s,
+                    x.apart[i]);
+        }
+    }
+    return status;
+}
+
+static void bench_grids(const struct bench *b) {
+    static const struct bench_grid grids[] = {
+        {"10 nm", 0, 80, 2}, {"20 nm", 0, 80, 4}, {"400-700 nm at 5 nm", 4, 64, 1}};
+    fputs("\n## Wavelengths\n\nLargest change of X, Y, Z of a green over its Y, against 380-780 nm at 5 "
+          "nm.\n\n| grid |",
+          b->out);
+    for (int j = 0; j < CIE_ILLUMINANTS; j++) {
+        fprintf(b->out, " %s |", cie_illuminant[j].name);
+    }
+    fputs("\n|---|---|---|---|---|---|---|\n", b->out);
+    for (size_t i = 0; i < sizeof grids / sizeof *grids; i++) {
+        fprintf(b->out, "| %s |", grids[i].name);
+        for (int j = 0; j < CIE_ILLUMINANTS; j++) {
+            fprintf(b->out, " %.1e |", bench_grid_error(&cie_illuminant[j], &grids[i]));
+        }
+        fputc('\n', b->out);
+    }
+}
+
+/* Without gnuplot there is no plot, and the report says nothing of one. */
+static void draw(const struct bench *b) {
+    FILE *gnuplot = b->plot && b->csv ? popen("gnuplot 2>/dev/null", "w") : NULL;
+    if (!gnuplot) {
+        return;
+    }
+    fprintf(
+        gnuplot,
+        "set terminal svg size 720,480 background rgb 'white'\nset output '%s'\nset datafile separator ','\n"
+        "set logscale xy\nset xlabel 'CPU time of tracing, s'\nset ylabel 'RMSE over the mean Y'\nset grid\n"
+        "plot for [i=0:%d] '%s' every ::(i==0) index i using 11:3 with linespoints title '' . word('",
+        b->plot, bench_scenes - 1, b->csv);
+    for (int i = 0; i < bench_scenes; i++) {
+        for (const char *c = bench_scene[i].name; *c; c++) {
+            fputc(*c == ' ' ? '_' : *c, gnuplot);
+        }
+        fputc(' ', gnuplot);
+    }
+    fputs("', i+1) noenhanced\n", gnuplot);
+    if (pclose(gnuplot) == 0) {
+        const char *slash = strrchr(b->plot, '/');
+        fprintf(b->out, "\n![RMSE against the CPU time of tracing, log-log, 1 to 64 samples](images/%s)\n",
+                slash ? slash + 1 : b->plot);
+    }
+}
+
+static int run_all(struct bench *b, struct err *e) {
+    print_head(b);
+    int status = bench_errors_of_all(b, e);
+    if (b->rows) {
+        fclose(b->rows);
+        b->rows = NULL;
+    }
+    draw(b);
+    fputc('\n', b->out);
+    status = status ? status : bench_times(b, e);
+    status = status ? status : bench_parts(b, e);
+    bench_grids(b);
+    return status;
+}
+
+static int open_files(struct bench *b, struct err *e) {
+    ssize_t n = readlink("/proc/self/exe", b->self, sizeof b->self - 1);
+    snprintf(b->folder, sizeof b->folder, "/tmp/goniorender-bench-XXXXXX");
+    if (n < 0 || !mkdtemp(b->folder)) {
+        return err_errno(e, ERR_IO, errno, "no scratch folder in /tmp");
+    }
+    b->out = b->report ? fopen(b->report, "w") : stdout;
+    b->rows = b->csv ? fopen(b->csv, "w") : NULL;
+    return b->out && (!b->csv || b->rows) ? 0 : err_errno(e, ERR_IO, errno, "the report cannot be written");
+}
+
+static void remove_folder(const char *folder) {
+    static const char *const names[] = {"s.csv", "p.png", "r.json", "c.pov", "pov.png"};
+    char path[512];
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        unlink(path);
+    }
+    for (int i = 0; i < 4; i++) {
+        const struct bench_size *size = i < 2 ? &whole : &quick;
+        int pixels[] = {size->error_pixels, size->time_pixels, size->time_pixels / 2};
+        for (int k = 0; k < 3; k++) {
+            snprintf(path, sizeof path, "%s/scene-%d-%d.yaml", folder, pixels[k], i % 2 ? 4 : 1);
+            unlink(path);
+        }
+    }
+    rmdir(folder);
+}
+
+int verb_bench(int argc, char **argv) {
+    struct bench b = {.size = &whole};
+    struct err e = {0};
+    int status = read_options(argc, argv, &b, &e);
+    if (status) {
+        return status > 0 ? 0 : verb_complain("bench", &e);
+    }
+    status = open_files(&b, &e);
+    status = status ? status : run_all(&b, &e);
+    if (b.report && b.out) {
+        fclose(b.out);
+    }
+    remove_folder(b.folder);
+    return status ? verb_complain("bench", &e) : 0;
+}
