@@ -114,7 +114,7 @@ static int setup(void **state) {
     const char *build = getenv("BUILD");
     char program[512];
     snprintf(program, sizeof program, "%s/goniofit", build ? build : "build");
-    setenv("GONIOFIT", realpath(program, NULL) ? program : "goniofit", 1);
+    setenv("GONIOFIT", access(program, X_OK) == 0 ? program : "goniofit", 1);
     return 0;
 }
 
