@@ -92,7 +92,8 @@ int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n
     size_t cells = (n + 1) * (size_t)a->nodes; /* never of size 0 */
     a->geometry = calloc(cells, sizeof *a->geometry);
     a->weight = a->nodes > 1 ? calloc(cells, sizeof *a->weight) : NULL;
-    if (!a->geometry || (a->nodes > 1 && !a->weight)) {
+    a->memory = calloc(reflectance_batch_size(cells), sizeof *a->memory);
+    if (!a->geometry || !a->memory || (a->nodes > 1 && !a->weight)) {
         aperture_free(a);
         return err_set(e, ERR_NOMEM, "no memory for the geometry of %zu points", n);
     }
@@ -103,12 +104,19 @@ int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n
     }
     if (status) {
         aperture_free(a);
+    } else {
+        aperture_refill(a);
     }
     return status;
 }
 
+void aperture_refill(struct aperture *a) {
+    reflectance_batch_fill(&a->batch, a->n * (size_t)a->nodes, a->geometry, a->memory);
+}
+
 void aperture_free(struct aperture *a) {
     free(a->geometry);
+    free(a->memory);
     free(a->weight);
     *a = (struct aperture){0};
 }
@@ -191,6 +199,54 @@ int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflect
     }
     struct view view = {a->geometry + at, a->weight + at, (size_t)a->nodes, reflectance_parameters(model)};
     return eval_view(&view, n, model, value, optics, beta, gradient, e);
+}
+
+/* Columns of some nodes into the columns of their points, from point at on. */
+static void average_columns(const double *weight, size_t nodes, size_t n, const double *node, double *point) {
+    for (size_t i = 0; i < n; i++) {
+        double sum = 0;
+        for (size_t m = i * nodes; m < (i + 1) * nodes; m++) {
+            sum += weight[m] * node[m];
+        }
+        point[i] = sum;
+    }
+}
+
+static int columns_of_nodes(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
+                            const double *value, const struct reflectance_optics *optics, double *beta,
+                            double *slope, size_t stride, struct err *e) {
+    enum { ROOM = BATCH + REFLECTANCE_BATCH_LANES };
+    double node_beta[ROOM], node_slope[ROOM * MATERIAL_PARAMETERS];
+    const size_t nodes = (size_t)a->nodes, at_once = BATCH / nodes;
+    for (size_t done = 0; done < n; done += at_once) {
+        const size_t count = n - done < at_once ? n - done : at_once, at = (first + done) * nodes;
+        int status = reflectance_batch_eval(&a->batch, at, count * nodes, model, value, optics, node_beta,
+                                            node_slope, ROOM, e);
+        if (status) {
+            return status;
+        }
+        average_columns(a->weight + at, nodes, count, node_beta, beta + done);
+        for (int j = 0; j < reflectance_parameters(model); j++) {
+            average_columns(a->weight + at, nodes, count, node_slope + (size_t)j * ROOM,
+                            slope + (size_t)j * stride + done);
+        }
+    }
+    return 0;
+}
+
+int aperture_columns(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
+                     const double *value, const struct reflectance_optics *optics, double *beta,
+                     double *slope, size_t stride, struct err *e) {
+    int status =
+        a->weight ? columns_of_nodes(a, first, n, model, value, optics, beta, slope, stride, e)
+                  : reflectance_batch_eval(&a->batch, first, n, model, value, optics, beta, slope, stride, e);
+    for (size_t i = n; i < reflectance_batch_room(n); i++) {
+        beta[i] = 0;
+        for (int j = 0; j < reflectance_parameters(model); j++) {
+            slope[(size_t)j * stride + i] = 0;
+        }
+    }
+    return status;
 }
 
 int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,

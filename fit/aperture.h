@@ -23,7 +23,7 @@
 
 #include <stdbool.h>
 
-#include "fit/reflectance.h"
+#include "fit/reflectance_batch.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -42,14 +42,21 @@ struct aperture {
     int nodes;                             /* of a point; 1 without widths */
     struct reflectance_geometry *geometry; /* [n * nodes] */
     double *weight;                        /* [n * nodes]; NULL: each point is its one node as it is */
+    struct reflectance_batch batch;        /* the same geometry, for aperture_columns */
+    double *memory;                        /* of the batch */
 };
 
 int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n, const double *theta_i_deg,
                   const double *theta_v_deg, struct err *e);
+void aperture_refill(struct aperture *a); /* after geometry[] was changed */
 void aperture_free(struct aperture *a);
 int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
                   const double *value, const struct reflectance_optics *optics, double *beta,
                   double *gradient, struct err *e);
+/* The same in columns, as fit/reflectance_batch.h, which see; beta and slope are 0 from n to the end of the room. */
+int aperture_columns(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
+                     const double *value, const struct reflectance_optics *optics, double *beta,
+                     double *slope, size_t stride, struct err *e);
 int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,
                    const struct reflectance_optics *optics, struct reflectance_parts *parts, struct err *e);
 /* slope[n] = d beta / d polarisation of all points */

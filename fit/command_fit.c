@@ -9,19 +9,22 @@
 #include "fit/aperture.h"
 #include "fit/choice.h"
 #include "fit/joint_fit.h"
+#include "fit/loss.h"
 #include "fit/points_option.h"
 #include "fit/reflectance.h"
 #include "fit/solve.h"
 #include "proto/number.h"
 
 static const char help[] =
-    "usage: goniofit fit FILE... [--model MODEL] [--weights measured|none] [--paper-convention] [--json]\n"
+    "usage: goniofit fit FILE... [--model MODEL] [--loss LOSS] [--weights measured|none]\n"
+    "                       [--paper-convention] [--json]\n"
     "Fits a reflection model to radiance factors.\n";
 static const char help_of_fit[] =
     "  --model MODEL       lambert, oren-nayar, eq1, composite (default), heavy-tail, transmitted, "
     "two-lobe,\n"
     "                      or all of them, best first: which the data need, by BIC and by cross-validation\n"
-    "  --weights none      every point counts alike (the paper's Eq. 6); default: measured, by their u\n"
+    "  --loss LOSS         ml (default: residuals over u), ols (the paper's Eq. 6), log, cuberoot or cosine\n"
+    "  --weights none      every point counts alike: ml becomes ols; default: measured, by their u\n"
     "  --joint             also one fit of all bands together: shared shape parameters, S of each band\n"
     "  --beta-prime-per-band  the same with one beta' for each band\n"
     "  --paper-convention  refit of the paper's printed form: kappa = pi, q = 1; S_paper = pi S is given "
@@ -37,7 +40,9 @@ static const char help_of_fit[] =
 
 struct options {
     const char *model; /* NULL: all */
-    bool unweighted, paper, json, joint, per_band;
+    enum material_loss loss;
+    const char *weights; /* NULL: not said */
+    bool paper, json, joint, per_band;
     double source_width_deg, sensor_width_deg; /* NAN: as the file says */
     bool polarisation_given, polarisation_unknown, hold_offset;
     double polarisation, u_polarisation;
@@ -57,10 +62,24 @@ static int take_model(const char *name, struct options *o, struct err *e) {
 }
 
 static int take_weights(const char *name, struct options *o, struct err *e) {
-    o->unweighted = strcmp(name, "none") == 0;
-    return o->unweighted || strcmp(name, "measured") == 0
+    o->weights = name;
+    return strcmp(name, "none") == 0 || strcmp(name, "measured") == 0
                ? 0
                : err_set(e, ERR_USAGE, "--weights is measured or none, not '%s'", name);
+}
+
+/* Only ml knows the points' u. */
+static int settle_loss(struct options *o, struct err *e) {
+    const bool none = o->weights && strcmp(o->weights, "none") == 0;
+    if (none && o->loss == MATERIAL_LOSS_ML) {
+        o->loss = MATERIAL_LOSS_OLS;
+    }
+    if (o->weights && !none && o->loss != MATERIAL_LOSS_ML) {
+        return err_set(e, ERR_USAGE,
+                       "the loss %s does not weigh points by their u; leave --weights measured out",
+                       material_loss_name(o->loss));
+    }
+    return 0;
 }
 
 static int take_width(const char *text, double *width_deg, struct err *e) {
@@ -102,6 +121,7 @@ static int take_offset(const char *word, struct options *o, struct err *e) {
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
     static const struct option known[] = {{"model", required_argument, NULL, 'm'},
+                                          {"loss", required_argument, NULL, 'l'},
                                           {"weights", required_argument, NULL, 'w'},
                                           {"paper-convention", no_argument, NULL, 'p'},
                                           {"source-width", required_argument, NULL, 's'},
@@ -120,6 +140,9 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
         switch (c) {
         case 'm':
             status = take_model(optarg, o, e);
+            break;
+        case 'l':
+            status = loss_find(optarg, &o->loss, e);
             break;
         case 'w':
             status = take_weights(optarg, o, e);
@@ -162,7 +185,7 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
     if (!status && optind == argc) {
         return err_set(e, ERR_USAGE, "no FILE is given; see goniofit fit --help");
     }
-    return status;
+    return status ? status : settle_loss(o, e);
 }
 
 struct result {
@@ -225,6 +248,12 @@ static void print_text(const struct result *r, bool paper) {
     print_instrument(m);
     printf("  chi-square %.5g, BIC %.5g, R2 %.6f, median relative error %.3g, specular energy %.3g\n",
            m->chi2, m->bic, m->r2, m->median_relative_error, m->specular_energy);
+    printf("  losses:");
+    for (int i = 0; i < MATERIAL_LOSSES; i++) {
+        printf(" %s %.5g%s", material_loss_name((enum material_loss)i), m->loss[i],
+               i == (int)m->minimised ? " (minimised)" : "");
+    }
+    printf("\n");
     for (int i = 0; i < m->n_warnings; i++) {
         printf("  warning: %s\n", m->warning[i]);
     }
@@ -346,7 +375,7 @@ static int fit_models(const char *path, const struct options *o, struct result *
     struct points_report report;
     fitset_init(&data);
     int status = points_read(path, &o->points, &data, &report, errors), first = *n;
-    data.input.unweighted = o->unweighted;
+    data.input.loss = o->loss;
     data.input.cross_validate = !o->model;
     take_given(&data.input, o);
     if (o->paper) {
@@ -376,7 +405,8 @@ static int fit_models(const char *path, const struct options *o, struct result *
         }
     }
     struct err e = {0};
-    if (!status && !o->model && rank(results + first, *n - first, data.has_u && !o->unweighted, &e)) {
+    if (!status && !o->model &&
+        rank(results + first, *n - first, data.has_u && o->loss == MATERIAL_LOSS_ML, &e)) {
         err_list_add(errors, &e);
     }
     fitset_free(&data);

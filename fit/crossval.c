@@ -17,7 +17,7 @@ static int leave_out(struct problem *p, const struct sweeps *s, size_t sweep, co
                      const struct solve_result *best, double *sum, struct err *e) {
     struct solve_result without;
     for (size_t i = 0; i < p->n; i++) {
-        p->root_weight[i] = s->sweep[i] == sweep ? 0 : weight[i];
+        p->loss_weight[i] = p->root_weight[i] = s->sweep[i] == sweep ? 0 : weight[i];
     }
     int status = solve_run(p, best->x, NULL, &without, NULL, e);
     if (status || (status = evaluate_at(p, without.x, e))) {
@@ -37,11 +37,11 @@ static int leave_each_out(struct problem *p, const struct sweeps *s, const struc
     if (!weight) {
         return err_set(e, ERR_NOMEM, "no memory to leave out incidences of %zu points", p->n);
     }
-    memcpy(weight, p->root_weight, p->n * sizeof *weight);
+    memcpy(weight, p->loss_weight, p->n * sizeof *weight);
     for (size_t sweep = 0; sweep < s->n_sweeps && !status; sweep++) {
         status = leave_out(p, s, sweep, weight, best, &sum, e);
     }
-    memcpy(p->root_weight, weight, p->n * sizeof *weight);
+    memcpy(p->loss_weight, weight, p->n * sizeof *weight);
     free(weight);
     *loio = sqrt(sum / (double)p->n);
     int back = evaluate_at(p, best->x, e);

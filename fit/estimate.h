@@ -52,6 +52,7 @@ enum estimate_reference { ESTIMATE_REFERENCE_FIXED, ESTIMATE_REFERENCE_INCIDENCE
 
 struct estimate_step { /* one iteration of the solver, over all passes */
     double t_us, cost;
+    double x[8]; /* fit/coordinates.h */
 };
 
 #define ESTIMATE_TRACE_MAX 128
@@ -93,6 +94,7 @@ struct estimate_input {
     const double *delta_phi_deg;
     const double *band_cov_next; /* [n * BANDS] covariance of a band with the next one, NaN = none; or NULL */
     bool cross_validate;         /* estimate.loio is wanted */
+    enum material_loss loss;     /* fit/loss.h; ml without u_ind, or unweighted, is ols */
 };
 
 int estimate_fit(const struct estimate_input *input, struct estimate *estimate, struct err *e);

@@ -3,25 +3,28 @@
 #include <math.h>
 #include <string.h>
 
-#define BLOCK 64 /* points; their rows of COORDINATES_MAX columns stay in the first-level cache */
+#include "fit/products.h"
 
-/* d beta / d parameter into weighted d beta / d coordinate; chain is nearly diagonal. */
-static void chain_row(const double *gradient, const double *chain, int k, double weight, double *row) {
+#define BLOCK 64 /* points; their columns stay in the first-level cache */
+
+struct columns { /* of one block, d beta / d parameter */
+    double beta[BLOCK], slope[BLOCK * COORDINATES_MAX];
+    double root_weight[BLOCK], residual[BLOCK];
+};
+
+/* What a coordinate moves beside its own parameter (n moves beta' while A is held), in units of its own. The columns are
+ * mixed point by point: in the finished sums the digits would be gone where two columns are nearly alike. */
+static void mix(struct columns *c, const double *chain, int k, size_t n) {
     for (int j = 0; j < k; j++) {
-        double sum = 0;
-        for (int m = 0; m < k; m++) {
-            sum += gradient[m] * chain[m * k + j];
-        }
-        row[j] = sum * weight;
-    }
-}
-
-static void add_row(struct normal_equations *s, const double *row, double residual, int k) {
-    s->chi2 += residual * residual;
-    for (int a = 0; a < k; a++) {
-        s->jtr[a] += row[a] * residual;
-        for (int b = 0; b <= a; b++) {
-            s->jtj[a * k + b] += row[a] * row[b];
+        for (int a = 0; a < k; a++) {
+            if (a == j || chain[a * k + j] == 0) {
+                continue;
+            }
+            const double share = chain[a * k + j] / chain[j * k + j];
+            double *to = c->slope + j * BLOCK, *from = c->slope + a * BLOCK;
+            for (size_t i = 0; i < n; i++) {
+                to[i] += share * from[i];
+            }
         }
     }
 }
@@ -30,62 +33,82 @@ struct along { /* J^T and r^T times the axes of the nuisances */
     double j[NUISANCES_MAX][COORDINATES_MAX], r[NUISANCES_MAX];
 };
 
-static void add_along(struct along *along, const struct problem *p, size_t point, const double *row,
-                      double residual) {
+static void add_along(struct along *along, const struct problem *p, size_t first, size_t n,
+                      struct columns *c) {
     for (int z = 0; z < p->nuisance.m; z++) {
-        double axis = p->nuisance.axis[z][point];
-        along->r[z] += axis * residual;
-        for (int a = 0; a < p->k; a++) {
-            along->j[z][a] += axis * row[a];
+        const double *axis = p->nuisance.axis[z] + first;
+        for (size_t i = 0; i < n; i++) {
+            along->r[z] += axis[i] * c->residual[i];
+            for (int a = 0; a < p->k; a++) {
+                along->j[z][a] += axis[i] * c->root_weight[i] * c->slope[a * BLOCK + (int)i];
+            }
         }
     }
 }
 
 /* The nuisances eliminated: B B instead of I between J^T and J (fit/nuisance.h). */
-static void take_out(struct normal_equations *s, const struct problem *p, const struct along *along) {
+static void take_out(struct normal_equations *s, const struct problem *p, const double *chain,
+                     const struct along *along) {
+    const int k = p->k;
     for (int z = 0; z < p->nuisance.m; z++) {
         const double *j = along->j[z], removed = p->nuisance.removed[z];
         s->chi2 -= removed * along->r[z] * along->r[z];
-        for (int a = 0; a < p->k; a++) {
-            s->jtr[a] -= removed * j[a] * along->r[z];
-            for (int b = 0; b <= a; b++) {
-                s->jtj[a * p->k + b] -= removed * j[a] * j[b];
+        for (int a = 0; a < k; a++) {
+            const double own = chain[a * k + a] * j[a];
+            s->jtr[a] -= removed * own * along->r[z];
+            for (int b = 0; b < k; b++) {
+                s->jtj[a * k + b] -= removed * own * chain[b * k + b] * j[b];
             }
         }
     }
 }
 
 static int add_block(const struct problem *p, const double *value, const double *chain, size_t first,
-                     size_t n, struct normal_equations *s, struct along *along, struct err *e) {
-    double beta[BLOCK], gradient[BLOCK * COORDINATES_MAX], row[COORDINATES_MAX];
-    int status = problem_rows(p, value, first, n, beta, gradient, e);
-    for (size_t i = 0; i < n && !status; i++) {
-        double weight = p->root_weight[first + i];
-        chain_row(gradient + i * (size_t)p->k, chain, p->k, weight, row);
-        double residual = (beta[i] - p->input->beta[first + i]) * weight - nuisance_taken(p, first + i);
-        add_row(s, row, residual, p->k);
-        add_along(along, p, first + i, row, residual);
+                     size_t n, double *sum, struct along *along, struct err *e) {
+    struct columns c;
+    int status =
+        aperture_columns(&p->aperture, first, n, p->model, value, &p->optics, c.beta, c.slope, BLOCK, e);
+    if (status) {
+        return status;
     }
-    return status;
+    problem_residuals(p, first, n, c.beta, c.residual, c.root_weight);
+    for (size_t i = 0; i < n && p->nuisance.m; i++) {
+        c.residual[i] -= nuisance_taken(p, first + i);
+    }
+    for (size_t i = n; i < reflectance_batch_room(n); i++) {
+        c.residual[i] = c.root_weight[i] = 0;
+    }
+    mix(&c, chain, p->k, n);
+    products_add(reflectance_batch_width(), p->k, n, c.slope, BLOCK, c.root_weight, c.residual, sum);
+    add_along(along, p, first, n, &c);
+    return 0;
+}
+
+/* The triangle of products into the matrices, each column in its coordinate's own unit. */
+static void unpack(const double *sum, const double *chain, int k, struct normal_equations *s) {
+    const double *last = sum + k * (k + 1) / 2;
+    s->chi2 = last[k];
+    for (int a = 0; a < k; a++) {
+        const double unit = chain[a * k + a];
+        s->jtr[a] = unit * last[a];
+        for (int b = 0; b <= a; b++) {
+            s->jtj[a * k + b] = s->jtj[b * k + a] = unit * chain[b * k + b] * sum[a * (a + 1) / 2 + b];
+        }
+    }
 }
 
 int normal_equations_form(const struct problem *p, const double *x, struct normal_equations *s,
                           struct err *e) {
-    double value[MATERIAL_PARAMETERS], chain[COORDINATES_MAX * COORDINATES_MAX];
-    int k = p->k, status = 0;
+    double value[MATERIAL_PARAMETERS], chain[COORDINATES_MAX * COORDINATES_MAX], sum[PRODUCTS_CELLS] = {0};
     struct along along = {0};
-    memset(s, 0, sizeof *s);
+    int status = 0;
     coordinates_to_value(p->model, x, value);
     coordinates_chain(p->model, value, chain);
     for (size_t first = 0; first < p->n && !status; first += BLOCK) {
-        size_t n = p->n - first < BLOCK ? p->n - first : BLOCK;
-        status = add_block(p, value, chain, first, n, s, &along, e);
+        const size_t n = p->n - first < BLOCK ? p->n - first : BLOCK;
+        status = add_block(p, value, chain, first, n, sum, &along, e);
     }
-    take_out(s, p, &along);
-    for (int a = 0; a < k; a++) {
-        for (int b = 0; b < a; b++) {
-            s->jtj[b * k + a] = s->jtj[a * k + b];
-        }
-    }
+    unpack(sum, chain, p->k, s);
+    take_out(s, p, chain, &along);
     return status || isfinite(s->chi2) ? status : err_set(e, ERR_RANGE, "the cost of the fit is no number");
 }

@@ -39,7 +39,7 @@ int nuisance_init(struct problem *p, struct err *e) {
     const struct estimate_input *in = p->input;
     struct nuisances *s = &p->nuisance;
     *s = (struct nuisances){0};
-    if (!in->u_ind || in->unweighted || !has_lobe(p->model)) {
+    if (p->loss != MATERIAL_LOSS_ML || !has_lobe(p->model)) {
         return 0;
     }
     if (!in->hold_offset && nuisance_u_offset_deg(in) > 0) {
@@ -216,6 +216,7 @@ static int move_model(struct problem *p, struct err *e) {
         status = aperture_move(&p->aperture, i, p->input->theta_i_deg[i] + di_deg,
                                p->input->theta_v_deg[i] + dv_deg, factor, e);
     }
+    aperture_refill(&p->aperture);
     return status;
 }
 

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "fit/noise_law.h"
+#include "fit/loss.h"
 #include "fit/spot.h"
 
 #define BETA_MAX 1e12 /* far above any lobe (beta' 1e6 at grazing); keeps squares finite */
@@ -99,16 +100,21 @@ static double floor_of(double beta) {
     return FLOOR_RELATIVE * fabs(beta) + FLOOR_ABSOLUTE;
 }
 
-static void set_weight(struct problem *p, size_t i, double u2) {
-    bool unweighted = p->input->unweighted || !p->input->u_ind;
+/* beta: where a loss that is not linear is taken for its tangent. */
+static void set_weight(struct problem *p, size_t i, double u2, double beta) {
+    double slope;
+    loss_value(p->loss, beta, &slope);
     p->u[i] = sqrt(u2);
-    p->root_weight[i] = unweighted ? 1 : 1 / p->u[i];
+    p->loss_weight[i] = loss_weight(p->loss, p->input->theta_i_deg[i], p->u[i]);
+    p->root_weight[i] = p->loss_weight[i] * slope;
 }
 
 static int allocate(struct problem *p, struct err *e) {
     size_t n = p->n + 1; /* never of size 0 */
     p->u = calloc(n, sizeof(double));
     p->root_weight = calloc(n, sizeof(double));
+    p->target = calloc(n, sizeof(double));
+    p->loss_weight = calloc(n, sizeof(double));
     p->angle_u2 = calloc(n, sizeof(double));
     p->slope_source = calloc(n, sizeof(double));
     p->slope_sample = calloc(n, sizeof(double));
@@ -117,8 +123,9 @@ static int allocate(struct problem *p, struct err *e) {
     p->spot_sample = calloc(n, sizeof(double));
     p->model_beta = calloc(n, sizeof(double));
     p->gradient = calloc(n * (size_t)p->k, sizeof(double));
-    if (!p->u || !p->root_weight || !p->angle_u2 || !p->slope_source || !p->slope_sample ||
-        !p->slope_polarisation || !p->spot_source || !p->spot_sample || !p->model_beta || !p->gradient) {
+    if (!p->u || !p->root_weight || !p->target || !p->loss_weight || !p->angle_u2 || !p->slope_source ||
+        !p->slope_sample || !p->slope_polarisation || !p->spot_source || !p->spot_sample || !p->model_beta ||
+        !p->gradient) {
         return err_set(e, ERR_NOMEM, "no memory for a fit of %zu points", p->n);
     }
     return 0;
@@ -180,6 +187,7 @@ static int set_directions(struct problem *p, struct err *e) {
                 : reflectance_geometry_general(&p->aperture.geometry[i], in->theta_i_deg[i],
                                                fabs(in->theta_v_deg[i]), in->delta_phi_deg[i], e);
     }
+    aperture_refill(&p->aperture);
     return status;
 }
 
@@ -192,6 +200,8 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
         return status;
     }
     p->k = reflectance_parameters(p->model);
+    p->loss = input->loss == MATERIAL_LOSS_ML && (input->unweighted || !input->u_ind) ? MATERIAL_LOSS_OLS
+                                                                                      : input->loss;
     const struct aperture_form form = form_of(input);
     if (!(status = set_bounds(p, e))) {
         status = allocate(p, e);
@@ -202,7 +212,9 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
     status = status ? status : set_directions(p, e);
     for (size_t i = 0; i < p->n && !status; i++) {
         double u = input->u_ind ? fmax(input->u_ind[i], floor_of(input->beta[i])) : 1;
-        set_weight(p, i, u * u);
+        double slope;
+        p->target[i] = loss_value(p->loss, input->beta[i], &slope);
+        set_weight(p, i, u * u, input->beta[i]);
     }
     if (status) {
         problem_free(p);
@@ -215,6 +227,8 @@ void problem_free(struct problem *p) {
     nuisance_free(p);
     free(p->u);
     free(p->root_weight);
+    free(p->target);
+    free(p->loss_weight);
     free(p->angle_u2);
     free(p->slope_source);
     free(p->slope_sample);
@@ -231,17 +245,50 @@ int problem_rows(const struct problem *p, const double *value, size_t first, siz
     return aperture_eval(&p->aperture, first, n, p->model, value, &p->optics, beta, gradient, e);
 }
 
+void problem_residuals(const struct problem *p, size_t first, size_t n, const double *beta, double *residual,
+                       double *slope) {
+    const bool linear = loss_is_linear(p->loss); /* most fits: this loop is then a few vector instructions */
+    for (size_t i = 0; i < n && linear; i++) {
+        slope[i] = p->loss_weight[first + i];
+        residual[i] = (beta[i] - p->target[first + i]) * slope[i];
+    }
+    for (size_t i = 0; i < n && !linear; i++) {
+        const double weight = p->loss_weight[first + i];
+        residual[i] = (loss_value(p->loss, beta[i], &slope[i]) - p->target[first + i]) * weight;
+        slope[i] *= weight;
+    }
+}
+
 int problem_evaluate(struct problem *p, const double *value, struct err *e) {
-    return problem_rows(p, value, 0, p->n, p->model_beta, p->gradient, e);
+    int status = problem_rows(p, value, 0, p->n, p->model_beta, p->gradient, e);
+    for (size_t i = 0; i < p->n && !status; i++) {
+        double residual;
+        problem_residuals(p, i, 1, &p->model_beta[i], &residual, &p->root_weight[i]);
+    }
+    return status;
 }
 
 double problem_chi2(const struct problem *p) {
     double sum = 0;
     for (size_t i = 0; i < p->n; i++) {
-        double r = (p->model_beta[i] - p->input->beta[i]) * p->root_weight[i];
+        double r, slope;
+        problem_residuals(p, i, 1, &p->model_beta[i], &r, &slope);
         sum += r * r;
     }
     return sum + nuisance_chi2(p);
+}
+
+void problem_losses(const struct problem *p, double sum[MATERIAL_LOSSES]) {
+    for (int k = 0; k < MATERIAL_LOSSES; k++) {
+        const enum material_loss loss = (enum material_loss)k;
+        sum[k] = loss == MATERIAL_LOSS_ML && !p->input->u_ind ? NAN : 0;
+        for (size_t i = 0; i < p->n; i++) {
+            double slope,
+                r = loss_value(loss, p->model_beta[i], &slope) - loss_value(loss, p->input->beta[i], &slope);
+            r *= loss_weight(loss, p->input->theta_i_deg[i], p->u[i]);
+            sum[k] += r * r;
+        }
+    }
 }
 
 /* Slope over a step that stays inside the domain: across a kink of G it is the mean of both sides, which is
@@ -334,7 +381,7 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
     for (size_t i = 0; i < p->n; i++) {
         double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
         double carry = noise_law_carry(&law, u, in->beta[i], p->model_beta[i]);
-        set_weight(p, i, u * u * carry + p->angle_u2[i]);
+        set_weight(p, i, u * u * carry + p->angle_u2[i], p->model_beta[i]);
     }
     nuisance_weigh(p);
     return 0;

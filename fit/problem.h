@@ -24,9 +24,12 @@ struct problem {
     int k;
     size_t n;
     const struct estimate_input *input;
-    struct aperture aperture;            /* the geometry of the points */
-    double *u, *root_weight;             /* [n]; root_weight 1 where unweighted */
-    double *angle_u2;                    /* [n] variance of the mean by axis repeatability; 0 at first */
+    struct aperture aperture; /* the geometry of the points */
+    enum material_loss loss;
+    double *u;                    /* [n] */
+    double *target, *loss_weight; /* [n] l(beta) and weight of fit/loss.h */
+    double *root_weight; /* [n] loss_weight dl / d beta at the last evaluation: of residuals in beta */
+    double *angle_u2;    /* [n] variance of the mean by axis repeatability; 0 at first */
     double *slope_source, *slope_sample; /* [n] d beta / d axis per degree; 0 at first */
     double *slope_polarisation;          /* [n] d beta / dP; 0 where its u is 0 */
     double *spot_source, *spot_sample;   /* [n] what a zero moves through K (fit/spot.h); 0 at first */
@@ -42,6 +45,9 @@ void problem_free(struct problem *p);
 /* Model and gradient (n * k, or NULL) of the points first .. first + n - 1: the one place that asks the model. */
 int problem_rows(const struct problem *p, const double *value, size_t first, size_t n, double *beta,
                  double *gradient, struct err *e);
+/* Weighted residuals of the loss for model values of the points first .., and their slopes by these values. */
+void problem_residuals(const struct problem *p, size_t first, size_t n, const double *beta, double *residual,
+                       double *slope);
 /* Model and gradient at value into model_beta and gradient. */
 int problem_evaluate(struct problem *p, const double *value, struct err *e);
 bool problem_out_of_plane(const struct estimate_input *input, size_t i);
@@ -49,7 +55,9 @@ bool problem_out_of_plane(const struct estimate_input *input, size_t i);
 int problem_slopes(struct problem *p, const double *value, struct err *e);
 /* Slopes and weights anew from the model of the last problem_evaluate. */
 int problem_reweigh(struct problem *p, const double *value, struct err *e);
-double problem_chi2(const struct problem *p); /* of the last evaluation, with the weights of the fit */
+double problem_chi2(const struct problem *p); /* what the fit minimises, at the last evaluation */
+/* The five losses there, sums of squares; ml is NaN where no u is given. */
+void problem_losses(const struct problem *p, double sum[MATERIAL_LOSSES]);
 
 int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model model, const double *value,
                         const struct reflectance_optics *optics, double theta_i_deg, double theta_v_deg,

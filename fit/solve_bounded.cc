@@ -1,17 +1,20 @@
 #include "fit/solve_bounded.h"
 
 #include <algorithm>
+#include <memory>
 #include <vector>
 
 #include <ceres/ceres.h>
 #include <glog/logging.h>
+
+#include "fit/stopwatch.h"
 
 namespace {
 
 /* All weighted residuals of a problem; one block of size 1 for each coordinate, so that any can be held. */
 class Residuals : public ceres::CostFunction {
   public:
-    explicit Residuals(const struct problem *p) : p_(p), beta_(p->n), gradient_(p->n * p->k) {
+    explicit Residuals(const struct problem *p) : p_(p), beta_(p->n), weight_(p->n), gradient_(p->n * p->k) {
         set_num_residuals(static_cast<int>(p->n));
         mutable_parameter_block_sizes()->assign(p->k, 1);
     }
@@ -26,9 +29,7 @@ class Residuals : public ceres::CostFunction {
                          nullptr)) {
             return false;
         }
-        for (size_t i = 0; i < p_->n; i++) {
-            residuals[i] = (beta_[i] - p_->input->beta[i]) * p_->root_weight[i];
-        }
+        problem_residuals(p_, 0, p_->n, beta_.data(), residuals, weight_.data());
         nuisance_residuals(p_, residuals);
         if (jacobians) {
             coordinates_chain(p_->model, value, chain);
@@ -49,24 +50,38 @@ class Residuals : public ceres::CostFunction {
                 for (int m = 0; m < k; m++) {
                     sum += gradient_[i * k + m] * chain[m * k + j];
                 }
-                jacobians[j][i] = sum * p_->root_weight[i];
+                jacobians[j][i] = sum * weight_[i];
             }
             nuisance_whiten(p_, jacobians[j]);
         }
     }
 
     const struct problem *p_;
-    mutable std::vector<double> beta_, gradient_;
+    mutable std::vector<double> beta_, weight_, gradient_;
 };
 
-void add_trace(struct estimate_trace *trace, const ceres::Solver::Summary &summary) {
-    double before_us = trace->n ? trace->step[trace->n - 1].t_us : 0;
-    for (const auto &it : summary.iterations) {
-        if (trace->n < ESTIMATE_TRACE_MAX) {
-            trace->step[trace->n++] = {before_us + 1e6 * it.cumulative_time_in_seconds, it.cost};
-        }
+/* Each iteration into a trace, with where it stands. */
+class Watch : public ceres::IterationCallback {
+  public:
+    Watch(struct estimate_trace *trace, const struct problem *p, const double *x)
+        : trace_(trace), k_(p->k), x_(x), before_us_(trace->n ? trace->step[trace->n - 1].t_us : 0),
+          begun_us_(1e6 * stopwatch_s()) {
     }
-}
+    ceres::CallbackReturnType operator()(const ceres::IterationSummary &summary) override {
+        if (trace_->n < ESTIMATE_TRACE_MAX) {
+            struct estimate_step *step = &trace_->step[trace_->n++];
+            *step = {before_us_ + 1e6 * stopwatch_s() - begun_us_, summary.cost, {}};
+            std::copy(x_, x_ + k_, step->x);
+        }
+        return ceres::SOLVER_CONTINUE;
+    }
+
+  private:
+    struct estimate_trace *trace_;
+    int k_;
+    const double *x_;
+    double before_us_, begun_us_;
+};
 
 ceres::Solver::Options make_options(bool normal_equations) {
     ceres::Solver::Options options;
@@ -104,14 +119,18 @@ int solve_bounded(const struct problem *p, const bool *held, bool normal_equatio
         problem.SetParameterLowerBound(blocks[j], 0, p->low[j]);
         problem.SetParameterUpperBound(blocks[j], 0, p->high[j]);
     }
+    ceres::Solver::Options options = make_options(normal_equations);
+    std::unique_ptr<Watch> watch;
+    if (trace) {
+        watch = std::make_unique<Watch>(trace, p, result->x);
+        options.callbacks.push_back(watch.get());
+        options.update_state_every_iteration = true;
+    }
     ceres::Solver::Summary summary;
-    ceres::Solve(make_options(normal_equations), &problem, &summary);
+    ceres::Solve(options, &problem, &summary);
     result->chi2 = 2 * summary.final_cost;
     result->converged = summary.termination_type == ceres::CONVERGENCE;
     result->iterations += static_cast<int>(summary.iterations.size());
-    if (trace) {
-        add_trace(trace, summary);
-    }
     return summary.termination_type == ceres::FAILURE
                ? err_set(e, ERR_FIT, "the solver failed: %s", summary.message.c_str())
                : 0;

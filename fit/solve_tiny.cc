@@ -14,8 +14,8 @@ namespace {
 /* The square of it is what the normal equations lose: half of a double's digits, and beyond it the decisive ones. */
 constexpr double CONDITION_MAX = 1e6;
 /* Newton's last step, in logarithms of parameters: what it leaves is smaller by two orders and more. */
-constexpr double SETTLED = 1e-7;
-constexpr double NEAR = 1e-2; /* farther apart, two gradients are no second derivative */
+constexpr double SETTLED = 5e-7;
+constexpr double NEAR = 5e-4; /* farther apart, two gradients are no second derivative */
 /* Below it the cost's change is rounding. TinySolver takes absolute tolerances: those of where it starts. */
 constexpr double FLAT = 1e-14;
 constexpr int RUNS_MAX =
@@ -120,7 +120,9 @@ bool Search::visit(const double *x) {
     gather(s);
     std::copy(x, x + k_, now_.x);
     if (trace_ && trace_->n < ESTIMATE_TRACE_MAX) {
-        trace_->step[trace_->n++] = {before_us_ + 1e6 * stopwatch_s() - begun_us_, s.chi2 / 2};
+        struct estimate_step *step = &trace_->step[trace_->n++];
+        *step = {before_us_ + 1e6 * stopwatch_s() - begun_us_, s.chi2 / 2, {}};
+        std::copy(point, point + p_->k, step->x);
     }
     return true;
 }

@@ -253,7 +253,10 @@ void add_independent(struct uncertainty *u, const workspace &w) {
         variance(i) = w.p->u[i] * w.p->u[i];
     }
     if (!w.p->input->u_ind) { /* no uncertainty given: the scatter has to tell */
-        variance.setConstant(problem_chi2(w.p) / degrees);
+        const double scatter = problem_chi2(w.p) / degrees;
+        for (size_t i = 0; i < w.p->n; i++) { /* alike in the terms of the loss */
+            variance(i) = scatter / (w.p->root_weight[i] * w.p->root_weight[i]);
+        }
     }
     add_to(u, w.h * variance.asDiagonal() * w.h.transpose(), w, u->independent);
     if (w.p->nuisance.m > 0) {

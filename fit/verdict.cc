@@ -180,10 +180,12 @@ int Verdict::fill_quality(struct err *e) {
     int status = judge_misfit(scaled, e);
     const double n = static_cast<double>(p_->n), worth = misfit_.n_effective;
     out_->chi2 = in_->u_ind ? scaled : n - k_;
-    const bool in_u = in_->u_ind && !in_->unweighted;
+    const bool in_u = p_->loss == MATERIAL_LOSS_ML;
     out_->bic = quality_bic(in_u ? scaled : problem_chi2(p_), n, worth, k_, in_u);
     out_->n_effective = worth;
     out_->r2 = quality_r2(p_);
+    out_->minimised = p_->loss;
+    problem_losses(p_, out_->loss);
     out_->q = p_->optics.q;
     out_->specular_energy = quality_specular_energy(p_->model, fit_->value);
     if (in_->cross_validate && crossval_loio(p_, &fit_->best, &out_->loio, nullptr)) {
@@ -378,6 +380,13 @@ int Verdict::find_gaps(struct err *e) {
 
 void Verdict::warn_physics() {
     const double *value = fit_->value;
+    if (p_->loss != MATERIAL_LOSS_ML && in_->u_ind) {
+        words_warn(
+            out_,
+            "fitted by the loss %s: u is that of the points, carried through the weights of this loss; "
+            "chi-square is not at its least",
+            material_loss_name(p_->loss));
+    }
     if (!in_->u_ind) {
         words_warn(
             out_,

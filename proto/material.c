@@ -43,6 +43,11 @@ static const struct {
 };
 #define FIGURES (sizeof figures / sizeof *figures)
 
+const char *material_loss_name(enum material_loss loss) {
+    static const char *const name[MATERIAL_LOSSES] = {"ml", "ols", "log", "cuberoot", "cosine"};
+    return name[loss];
+}
+
 const char *material_parameter_name(const char *model, int index) {
     if (index < 0 || index >= MATERIAL_PARAMETERS)
         return NULL;
@@ -190,6 +195,13 @@ static json_t *limits_to_json(const struct estimate *m) {
     return json;
 }
 
+static json_t *losses_to_json(const struct estimate *m) {
+    json_t *json = json_object();
+    for (int i = 0; i < MATERIAL_LOSSES; i++)
+        json_object_set_new(json, material_loss_name((enum material_loss)i), number_to_json(m->loss[i]));
+    return json;
+}
+
 static json_t *bands_to_json(const double value[BANDS]) {
     json_t *json = json_array();
     for (int k = 0; k < BANDS; k++)
@@ -234,6 +246,8 @@ json_t *estimate_to_json(const struct estimate *m) {
         json_object_set_new(
             json, figures[i].key,
             number_to_json(*(const double *)(const void *)((const char *)m + figures[i].offset)));
+    json_object_set_new(json, "loss", json_string(material_loss_name(m->minimised)));
+    json_object_set_new(json, "losses", losses_to_json(m));
     json_object_set_new(json, "at_bound", names_of(m, m->at_bound));
     json_object_set_new(json, "limit_95", limits_to_json(m));
     json_object_set_new(json, "not_identifiable", gaps_to_json(m));
@@ -424,6 +438,18 @@ static int take_spectrum(const json_t *object, struct estimate *m, struct err *e
     return 0;
 }
 
+static int take_losses(const json_t *json, struct estimate *m, struct err *e) {
+    char name[16] = "ml";
+    int status = take_text(json, "loss", name, sizeof name, e);
+    for (int i = 0; i < MATERIAL_LOSSES && status == 0; i++) {
+        const char *known = material_loss_name((enum material_loss)i);
+        m->minimised = strcmp(name, known) == 0 ? (enum material_loss)i : m->minimised;
+        m->loss[i] = NAN; /* earlier estimates do not have it */
+        status = take_number(json_object_get(json, "losses"), known, &m->loss[i], e);
+    }
+    return status;
+}
+
 static int take_state(const json_t *json, struct estimate *m, struct err *e) {
     if (take_int(json, "n_points", &m->n_points, e) != 0 ||
         take_int(json, "iterations", &m->iterations, e) != 0 ||
@@ -461,7 +487,7 @@ int estimate_from_json(const json_t *json, struct estimate *m, struct err *e) {
     if (!material_parameter_name(m->model, MATERIAL_S))
         return refuse(e, "model", "the name of a known model");
     if (estimate_parameters_from_json(json_object_get(json, "parameters"), m, e) != 0 ||
-        take_state(json, m, e) != 0 ||
+        take_state(json, m, e) != 0 || take_losses(json, m, e) != 0 ||
         take_matrix(json, "covariance_statistical", m->model, m->statistical, e) != 0 ||
         take_matrix(json, "covariance_common", m->model, m->common, e) != 0 ||
         take_names(json, "at_bound", m->model, m->at_bound, e) != 0 ||

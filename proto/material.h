@@ -39,6 +39,15 @@ enum material_parameter {
     MATERIAL_EXTRA_2  /* beta_prime_2 */
 };
 
+enum material_loss { /* what a fit may minimise: fit/loss.h */
+                     MATERIAL_LOSS_ML,
+                     MATERIAL_LOSS_OLS,
+                     MATERIAL_LOSS_LOG,
+                     MATERIAL_LOSS_CUBEROOT,
+                     MATERIAL_LOSS_COSINE,
+                     MATERIAL_LOSSES
+};
+
 struct material_gap { /* why a parameter is not identifiable, and the geometry that would tell it */
     char why[160];
     bool has_next;
@@ -70,6 +79,8 @@ struct estimate {
     int iterations;     /* of the solver, over all its starts and passes */
     double n_effective; /* points the residuals are worth, as bic counts them; 0: not known */
     double loio;        /* rms error of an incidence left out, in u (fit/crossval.h); 0: not known */
+    enum material_loss minimised;
+    double loss[MATERIAL_LOSSES]; /* sums of squares at value; NaN: not known */
     bool has_spectrum;
     int band_first, band_last; /* bands actually measured */
     double s_lambda[BANDS], u_s_lambda[BANDS];
@@ -85,6 +96,7 @@ struct estimate {
 
 /* "S", "sigma", ... "tail"; NULL where the model has no such parameter or there is no such model. */
 const char *material_parameter_name(const char *model, int index);
+const char *material_loss_name(enum material_loss loss);   /* "ml", "ols", "log", "cuberoot", "cosine" */
 json_t *estimate_to_json(const struct estimate *estimate); /* NULL when out of memory */
 int estimate_from_json(const json_t *json, struct estimate *estimate, struct err *e);
 /* The "parameters" object alone: {"S", "sigma", ..., "kappa", "q", "mean_nm"} into value, kappa, q and the

@@ -10,6 +10,7 @@
 #include "fit/cholesky.h"
 #include "fit/solve.h"
 #include "fit/normal_equations.h"
+#include "fit/products.h"
 #include "tests/support/goniometry.h"
 
 static struct goniometry m; /* large: static */
@@ -226,6 +227,40 @@ static void a_pass_is_the_sum_over_points(void **state) {
     problem_free(&p);
 }
 
+/* Products of any number of columns and points, by every width this processor has: the same bits, and the right ones. */
+static void every_width_gives_the_same_products(void **state) {
+    (void)state;
+    enum { ROOM = 72 };
+    struct dice d = {seed()};
+    double slope[ROOM * COORDINATES_MAX], weight[ROOM], residual[ROOM],
+        sum[REFLECTANCE_WIDTHS][PRODUCTS_CELLS];
+    for (int k = 1; k <= COORDINATES_MAX; k++) {
+        const size_t n = 61 + (size_t)k, room = reflectance_batch_room(n);
+        for (size_t i = 0; i < room; i++) {
+            weight[i] = i < n ? dice_uniform(&d) : 0;
+            residual[i] = i < n ? dice_normal(&d) : 0;
+            for (size_t j = 0; j < (size_t)k; j++) {
+                slope[j * ROOM + i] = dice_normal(&d);
+            }
+        }
+        memset(sum, 0, sizeof sum);
+        for (int w = 0; w <= (int)reflectance_batch_width(); w++) {
+            products_add((enum reflectance_width)w, k, n, slope, ROOM, weight, residual, sum[w]);
+            assert_memory_equal(sum[w], sum[0], sizeof sum[0]);
+        }
+        for (int a = 0, cell = 0; a <= k; a++) {
+            for (int b = 0; b <= a; b++, cell++) {
+                double plain = 0;
+                for (size_t i = 0; i < n; i++) {
+                    plain += (a < k ? slope[a * ROOM + i] * weight[i] : residual[i]) *
+                             (b < k ? slope[b * ROOM + i] * weight[i] : residual[i]);
+                }
+                assert_float_equal(sum[0][cell], plain, 1e-12);
+            }
+        }
+    }
+}
+
 static void small_systems_are_solved(void **state) {
     (void)state;
     const double a[9] = {4, 2, 0.6, 2, 2, 0.5, 0.6, 0.5, 3}, x[3] = {1, -2, 3};
@@ -267,6 +302,7 @@ int main(void) {
         cmocka_unit_test(what_normal_equations_cannot_tell_is_handed_over),
         cmocka_unit_test(held_coordinates_stay),
         cmocka_unit_test(a_pass_is_the_sum_over_points),
+        cmocka_unit_test(every_width_gives_the_same_products),
         cmocka_unit_test(small_systems_are_solved),
         cmocka_unit_test(nonsense_is_refused_in_words),
     };
