@@ -6,7 +6,8 @@
 #   make lint                 layout, mistakes, sizes, who includes whom
 #   make asan                 every test under AddressSanitizer and UBSan, in build/asan
 #   make crash N=200          goniod killed N times at random moments and N times in a write, and resumed
-#   make bench                the figures, into docs/bench-report.md and docs/render-report.md
+#   make bench                the figures, into docs/bench-report.md, docs/fit-report.md and docs/render-report.md
+#   make bench-fit            docs/fit-report.md alone
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
 #   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
 #   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
@@ -61,7 +62,7 @@ $(BUILD)/%.o: %.c
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 
 # Loops to be turned into vectors: no value depends on these (sqrt sets no errno, no trap is taken).
-$(BUILD)/fit/reflectance_wide.o: CFLAGS_ALL += -O3 -fno-math-errno -fno-trapping-math
+$(BUILD)/fit/reflectance_wide.o $(BUILD)/fit/products.o: CFLAGS_ALL += -O3 -fno-math-errno -fno-trapping-math
 
 $(BUILD)/%.o: %.cc
 	@mkdir -p $(@D)
@@ -109,11 +110,24 @@ tests: $(PROGRAMS) $(TESTS) $(REPLAYS) $(PRELOADS) $(BRIDGES)
 
 # Figures that a machine under load would falsify: no part of check.
 BENCHES := $(patsubst %.c,$(BUILD)/%,$(wildcard tests/bench/bench_*.c))
+PEERS := $(BUILD)/tests/bench/fit_peers
 bench:
 	@.ci/deps build check bench
-	@$(MAKE) --no-print-directory -j$(JOBS) all $(BENCHES) $(PRELOADS)
+	@$(MAKE) --no-print-directory -j$(JOBS) all $(BENCHES) $(PRELOADS) $(PEERS)
 	@bash tests/bench/run.sh $(BUILD) docs/bench-report.md
 	@$(BUILD)/goniorender bench -o docs/render-report.md --csv docs/render-error.csv --plot docs/images/render-error.svg
+	@$(BUILD)/goniofit bench -o docs
+
+# The error-against-run-time report alone.
+bench-fit:
+	@.ci/deps build bench
+	@$(MAKE) --no-print-directory -j$(JOBS) $(BUILD)/goniofit $(PEERS)
+	@$(BUILD)/goniofit bench -o docs
+
+$(PEERS).o: CFLAGS_ALL += $(shell pkg-config --cflags cminpack) -DCMINPACK_VERSION='"$(shell pkg-config --modversion cminpack)"'
+$(PEERS): $(PEERS).o $(BUILD)/libfit.a $(BUILD)/libproto.a
+	@echo "  LD  $@"
+	@$(CC) $(SANITIZE) -o $@ $^ -lcminpack -lgsl -lgslcblas $(LINK_LIBS)
 
 # Two calls of make: the libraries may only have come with the packages.
 check:
@@ -194,6 +208,6 @@ clean:
 	rm -rf $(BUILD)
 
 FORCE:
-.PHONY: all bench tests fuzzers check deps lint asan crash fuzz install demo pulls measured spread clean FORCE
+.PHONY: all bench bench-fit tests fuzzers check deps lint asan crash fuzz install demo pulls measured spread clean FORCE
 .SECONDARY:
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)

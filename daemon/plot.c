@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "daemon/figure.h"
+#include "proto/figure.h"
 #include "proto/units.h"
 
 #define PAPER_INCIDENCE_DEG 40 /* of the paper's Fig. 2 and 4 */

@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "daemon/figure.h"
+#include "proto/figure.h"
 #include "daemon/plot.h"
 
 #define INCIDENCE_DEG 40 /* of peak height and retro/normal ratio; the paper's Fig. 4 */

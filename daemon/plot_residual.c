@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "daemon/estimator.h"
-#include "daemon/figure.h"
+#include "proto/figure.h"
 #include "daemon/plot.h"
 #include "proto/units.h"
 

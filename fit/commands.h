@@ -13,6 +13,7 @@
 int command_fit(int argc, char **argv);
 int command_eval(int argc, char **argv);
 int command_stability(int argc, char **argv);
+int command_bench(int argc, char **argv);
 int command_complain(const char *command, const struct err *e); /* prints; 1 where a fit failed, else 2 */
 int command_complain_all(struct err_list *errors);              /* prints, frees; as command_complain */
 

@@ -6,9 +6,10 @@
 #include "fit/serve.h"
 
 static const char help[] =
-    "usage: goniofit fit FILE... | eval --params P.json --points G.csv | stability | --serve\n"
+    "usage: goniofit fit FILE... | eval --params P.json --points G.csv | bench | stability | --serve\n"
     "  fit      fits a reflection model to measured radiance factors\n"
     "  eval     prints the model and its derivatives at given points\n"
+    "  bench      error against run time, beside other libraries\n"
     "  stability  stiff, extreme and broken measurements against their truth\n"
     "  --serve  answers length-prefixed JSON requests on stdin until its end\n"
     "  goniofit COMMAND --help tells more; --version prints the version\n"
@@ -42,8 +43,10 @@ static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
 } commands[] = {
-    {"fit", command_fit},       {"eval", command_eval},   {"stability", command_stability},
-    {"--serve", command_serve}, {"--help", command_help}, {"--version", command_version},
+    {"fit", command_fit},           {"eval", command_eval},
+    {"bench", command_bench},       {"stability", command_stability},
+    {"--serve", command_serve},     {"--help", command_help},
+    {"--version", command_version},
 };
 
 int main(int argc, char **argv) {

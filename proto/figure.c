@@ -1,4 +1,4 @@
-#include "daemon/figure.h"
+#include "proto/figure.h"
 
 #include <errno.h>
 #include <spawn.h>

@@ -6,8 +6,8 @@
  * Errors     -ERR_IO a file cannot be written, or gnuplot is missing or failed (its own words are on stderr).
  * Checked    tests/scenario/test_plot.c
  */
-#ifndef DAEMON_FIGURE_H
-#define DAEMON_FIGURE_H
+#ifndef PROTO_FIGURE_H
+#define PROTO_FIGURE_H
 
 #include <stdio.h>
 
