@@ -94,9 +94,9 @@ static void measure(struct tally *t, const struct brdf *brdf, const struct measu
     static struct truth_check check;
     const struct sim_surface truth = {.measured = surface};
     char dir[96], name[192];
-    char *job = job_of(brdf);
+    char *job = job_of(brdf), *bench = lab_bare_bench_text();
     lab_make_dir(dir);
-    lab_open(&lab, dir, &(struct simulate_options){.seed = (uint64_t)seed, .nominal = !draws}, NULL);
+    lab_open(&lab, dir, &(struct simulate_options){.seed = (uint64_t)seed, .nominal = !draws}, bench);
     assert_int_equal(simulate_mount_measured(lab.simulate, "patch", surface, NULL), 0);
     lab_job(&lab, job);
     lab_run(&lab);
@@ -110,6 +110,7 @@ static void measure(struct tally *t, const struct brdf *brdf, const struct measu
     lab_close(&lab);
     lab_remove_dir(dir);
     free(job);
+    free(bench);
     judge(t, &check);
 }
 

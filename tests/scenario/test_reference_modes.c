@@ -42,22 +42,13 @@ static void print_tally(const char *what, const char *which, const struct tally 
 
 /* ---- one campaign ---- */
 
-static void take_out(char *text, const char *words) {
-    char *at = strstr(text, words);
-    assert_non_null(at);
-    memset(at, ' ', strlen(words));
-}
-
-/* A point is held against the surface at its angles alone, so the bench has no widths, and no polarisation. */
 static char *bench_text(bool beam_in_view) {
     static const char turned[] = "beam_mm: 3, view_mm: 20, filling: beam-in-view";
-    char *text = strdup(config_builtin_text());
+    char *text = lab_bare_bench_text();
     char *optics = strstr(text, "beam_mm: 20, view_mm: 3, filling: view-in-beam");
     assert_non_null(optics);
     if (beam_in_view)
         memcpy(optics, turned, strlen(turned));
-    take_out(text, ", source_width_deg: 1, sensor_width_deg: 1");
-    take_out(text, "polarisation: {value: 0, u: 0.02}");
     return text;
 }
 

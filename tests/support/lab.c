@@ -28,6 +28,19 @@ void lab_remove_dir(const char *dir) {
     assert_int_equal(system(command), 0);
 }
 
+static void take_out(char *text, const char *words) {
+    char *at = strstr(text, words);
+    assert_non_null(at);
+    memset(at, ' ', strlen(words));
+}
+
+char *lab_bare_bench_text(void) {
+    char *text = strdup(config_builtin_text());
+    take_out(text, ", source_width_deg: 1, sensor_width_deg: 1");
+    take_out(text, "polarisation: {value: 0, u: 0.02}");
+    return text;
+}
+
 char *lab_job_text(const char *name, const char *incidences, const char *views, const char *mode) {
     char *text = NULL;
     assert_true(asprintf(&text,

@@ -66,6 +66,8 @@ void lab_make_dir(char dir[96]);
 void lab_remove_dir(const char *dir);
 
 /* A job of one sample; views: text of theta_v_deg; mode: of the reference. malloc'd. */
+/* The built-in bench without angular widths and polarisation, for values held against a surface at their angles. */
+char *lab_bare_bench_text(void);
 char *lab_job_text(const char *name, const char *incidences, const char *views, const char *mode);
 
 #endif
