@@ -141,6 +141,60 @@ static void missing_bands_and_values_stay_out(void **state) {
     joint_free(&joint);
 }
 
+/* The bands as they are where the sample axis stands 0.03 deg beside what it says. */
+static void shift_sample_axis(double shift_deg, struct dice *d) {
+    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
+    double value[MATERIAL_PARAMETERS];
+    memcpy(value, m.value, sizeof value);
+    for (size_t i = 0; i < m.input.n; i++) {
+        struct reflectance_geometry g;
+        assert_int_equal(
+            reflectance_geometry(&g, m.theta_i_deg[i] - shift_deg, m.theta_v_deg[i] + shift_deg, NULL), 0);
+        double sum = 0, square = 0;
+        for (int b = 0; b < BANDS; b++) {
+            const size_t at = i * BANDS + (size_t)b;
+            value[MATERIAL_S] = m.s_lambda[b];
+            assert_int_equal(
+                reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, &optics, &m.band_beta[at], NULL, NULL),
+                0);
+            m.band_u[at] = 0.002 * m.band_beta[at] + 1e-4;
+            m.band_beta[at] += m.band_u[at] * dice_normal(d);
+            const bool in_mean = b >= 4 && b <= 64;
+            sum += in_mean ? m.band_beta[at] : 0;
+            square += in_mean ? m.band_u[at] * m.band_u[at] : 0;
+        }
+        m.beta[i] = sum / 61;
+        m.u[i] = sqrt(square) / 61;
+    }
+}
+
+static void a_zero_of_the_axes_is_found(void **state) {
+    (void)state;
+    struct dice d = {21};
+    for (int set = 0; set < GONIOMETRY_SETS; set++) {
+        struct estimate means;
+        struct joint joint, held;
+        goniometry_make(&m, goniometry_set[set], 60, 5);
+        goniometry_colour(&m, 0.05, 0.4);
+        shift_sample_axis(0.03, &d);
+        m.input.u_zero_sample_deg = 0.03;
+        fit(&m.input, false, &means, &joint);
+        assert_false(joint.misfit);
+        for (int p = MATERIAL_SIGMA; p <= MATERIAL_N; p++) {
+            double pull = (joint.value[p] - m.value[p]) / joint_u(&joint, p, -1);
+            assert_true(fabs(pull) < 4);
+        }
+        for (int b = 0; b < BANDS; b++) {
+            assert_true(fabs(joint.s_lambda[b] - m.s_lambda[b]) < 4.5 * joint_u(&joint, MATERIAL_S, b));
+        }
+        m.input.hold_offset = true; /* then its prior alone says what it does, and u is larger */
+        fit(&m.input, false, &means, &held);
+        assert_true(joint_u(&held, MATERIAL_N, -1) > 2 * joint_u(&joint, MATERIAL_N, -1));
+        joint_free(&held);
+        joint_free(&joint);
+    }
+}
+
 /* Correlated noise of bands, a scale all share, a zero, and a lamp that drifts, each drawn as stated. */
 struct draw {
     double scale[GONIOMETRY_MAX], *mean_scale;
@@ -245,6 +299,7 @@ int main(void) {
         cmocka_unit_test(reaches_the_full_problems_answer),
         cmocka_unit_test(one_band_is_the_ordinary_fit),
         cmocka_unit_test(missing_bands_and_values_stay_out),
+        cmocka_unit_test(a_zero_of_the_axes_is_found),
         cmocka_unit_test(pulls_are_as_stated),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
