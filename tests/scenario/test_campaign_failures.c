@@ -343,7 +343,7 @@ static void notified_programs_are_told_and_never_waited_for(void **state) {
     bench.from_step = 4;
     bench.lasts_us = 5 * US_PER_MIN;
     run_and_judge(f, "fixed");
-    assert_true(time(NULL) - begun < 10);
+    assert_true(time(NULL) - begun < 30); /* one sleeper waited for takes as long */
     snprintf(text, sizeof text, "%s.json", keeper);
     for (int i = 0; i < 100 && access(text, F_OK) != 0; i++)
         usleep(20000);
