@@ -245,9 +245,9 @@ static int draw_case(const struct bench_results *r, const struct bench_case *c, 
     }
     for (int panel = 0; panel < (c->has_truth ? 2 : 1); panel++) {
         fprintf(f.gp,
-                "set logscale xy\nset format y \"10^{%%L}\"\nset title \"%s\"\nset xlabel \"us\"\nset ylabel "
+                "set logscale xy\nset format y \"%%.0e\"\nset title \"%s\"\nset xlabel \"us\"\nset ylabel "
                 "\"%s\"\n"
-                "set key top right\nplot ",
+                "set key outside below maxcols 2\nplot ",
                 c->name, panel ? "largest relative error against the truth" : "distance to the optimum / u");
         for (int i = 0; i < n; i++) {
             fprintf(f.gp, "%sdata index %d using 3:%d with linespoints pt 7 ps 0.4 title \"%s\"",
