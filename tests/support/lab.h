@@ -65,9 +65,9 @@ struct session *lab_open_session(const struct lab *lab, const char *name);
 void lab_make_dir(char dir[96]);
 void lab_remove_dir(const char *dir);
 
-/* A job of one sample; views: text of theta_v_deg; mode: of the reference. malloc'd. */
 /* The built-in bench without angular widths and polarisation, for values held against a surface at their angles. */
 char *lab_bare_bench_text(void);
+/* A job of one sample; views: text of theta_v_deg; mode: of the reference. malloc'd. */
 char *lab_job_text(const char *name, const char *incidences, const char *views, const char *mode);
 
 #endif
