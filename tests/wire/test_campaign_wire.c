@@ -115,7 +115,7 @@ static void first_light(const char *n_counts) {
     laboratory_expect(&lab, 0, "there", NULL, "move", "source", "12.5", NULL);
     laboratory_expect(&lab, 0, "12.500 deg", NULL, "where", NULL);
     laboratory_expect(&lab, 0, "there", NULL, "move", "holder", "0", NULL);
-    laboratory_expect(&lab, 1, "limit", NULL, "move", "source", "151", NULL);
+    laboratory_expect(&lab, 2, "limit", NULL, "move", "source", "151", NULL);
     laboratory_expect(&lab, 0, n_counts, NULL, "spectrum", "--average", "2", "--json", NULL);
     laboratory_expect(&lab, 0, "", NULL, "spectrum", "--exposure", "20", "-o", csv, NULL);
     assert_int_equal(access(csv, R_OK), 0);
