@@ -22,44 +22,41 @@ static const char *const COLOURS[] = {"#bbbbbb", "#ddcc77", "#88ccee", "#882255"
 
 extern char **environ;
 
-/* Runs `goniofit fit PATH --model all --json` and takes what it prints. */
-static json_t *fit_all(const char *path, struct err *e) {
-    char program[512], where[] = "/tmp/goniod-fit-XXXXXX";
-    if (estimator_program(NULL, program, sizeof program, e) != 0)
-        return NULL;
-    int fd = mkstemp(where);
-    if (fd < 0) {
-        err_errno(e, ERR_IO, errno, "cannot make a file for the fits in /tmp");
-        return NULL;
-    }
-    unlink(where);
-    char *argv[] = {program, "fit", (char *)path, "--model", "all", "--json", NULL};
+/* Runs `goniofit fit PATH --model MODEL --json` and takes what it prints; what it complains of is for the user. */
+static int run_goniofit(const char *path, const char *model, int out, struct err *e) {
+    char program[512];
+    int rc = estimator_program(NULL, program, sizeof program, e);
+    if (rc != 0)
+        return rc;
+    char *argv[] = {program, "fit", (char *)path, "--model", (char *)model, "--json", NULL};
     posix_spawn_file_actions_t actions;
     posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, fd, STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, out, STDOUT_FILENO);
     pid_t pid;
-    int status = 0, rc = posix_spawn(&pid, program, &actions, NULL, argv, environ);
+    int status = 0;
+    rc = posix_spawn(&pid, program, &actions, NULL, argv, environ);
     posix_spawn_file_actions_destroy(&actions);
-    json_t *fits = NULL;
     if (rc != 0)
-        err_errno(e, ERR_FIT, rc, "cannot run %s", program);
-    else if (waitpid(pid, &status, 0) != pid || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
-        err_set(e, ERR_FIT, "goniofit could not fit %s", path);
-    else if (lseek(fd, 0, SEEK_SET) != 0 || !(fits = json_loadfd(fd, 0, NULL)))
-        err_set(e, ERR_FIT, "goniofit's answer for %s is not JSON", path);
-    close(fd);
-    return fits;
+        return err_errno(e, ERR_FIT, rc, "cannot run %s", program);
+    return waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0
+               ? 0
+               : err_set(e, ERR_FIT, "goniofit could not fit %s", path);
 }
 
-static int find_fit(const json_t *fits, const char *model, struct estimate *m) {
-    size_t i;
-    json_t *fit;
-    json_array_foreach(fits, i, fit) {
-        const char *name = json_string_value(json_object_get(fit, "model"));
-        if (name && strcmp(name, model) == 0 && estimate_from_json(fit, m, NULL) == 0)
-            return 0;
-    }
-    return -ERR_FIT;
+static int fit(const char *path, const char *model, struct estimate *m, struct err *e) {
+    char where[] = "/tmp/goniod-fit-XXXXXX";
+    int out = mkstemp(where);
+    if (out < 0)
+        return err_errno(e, ERR_IO, errno, "cannot make a file for the fits in /tmp");
+    unlink(where);
+    int rc = run_goniofit(path, model, out, e);
+    json_t *answer = rc == 0 && lseek(out, 0, SEEK_SET) == 0 ? json_loadfd(out, 0, NULL) : NULL;
+    if (rc == 0)
+        rc = answer ? estimate_from_json(answer, m, e)
+                    : err_set(e, ERR_FIT, "goniofit's answer for %s is not JSON", path);
+    json_decref(answer);
+    close(out);
+    return rc;
 }
 
 static int write_residuals(struct figure *f, const struct dataset *d, const struct estimate *m) {
@@ -81,9 +78,11 @@ static int write_residuals(struct figure *f, const struct dataset *d, const stru
     return rows;
 }
 
-static void panel(struct figure *f, const struct dataset *d, const json_t *fits) {
+/* A model that cannot be fitted is left out; it is an error where none can. */
+static int panel(struct figure *f, const struct dataset *d, const char *path, struct err *e) {
     char title[200];
     const char *glue = "plot ";
+    struct err last = {0};
     fprintf(
         f->gp,
         "set title \"%s\"\nset xlabel \"viewing angle / deg\"\nset ylabel \"(measured - model) / measured\"\n"
@@ -91,7 +90,12 @@ static void panel(struct figure *f, const struct dataset *d, const json_t *fits)
         plot_title(d, title, sizeof title));
     for (int k = 0; k < N_MODELS; k++) {
         struct estimate m;
-        if (find_fit(fits, MODELS[k], &m) != 0 || write_residuals(f, d, &m) == 0)
+        struct err why = {0};
+        if (fit(path, MODELS[k], &m, &why) != 0) {
+            last = why;
+            continue;
+        }
+        if (write_residuals(f, d, &m) == 0)
             continue;
         fprintf(
             f->gp,
@@ -99,7 +103,11 @@ static void panel(struct figure *f, const struct dataset *d, const json_t *fits)
             glue, f->block - 1, COLOURS[k], MODELS[k], 100 * m.median_relative_error);
         glue = ", \\\n     ";
     }
-    fputs(glue[0] == 'p' ? "set multiplot next\n" : "\n", f->gp);
+    bool none = glue[0] == 'p';
+    fputs(none ? "set multiplot next\n" : "\n", f->gp);
+    if (none && last.code && e)
+        *e = last;
+    return none && last.code ? -last.code : 0;
 }
 
 int plot_residual(const struct plot_set *set, bool *drawn, struct err *e) {
@@ -110,14 +118,8 @@ int plot_residual(const struct plot_set *set, bool *drawn, struct err *e) {
         return rc;
     figure_panels(&f, plot_rows(set->n), plot_columns(set->n), 440 * plot_columns(set->n),
                   330 * plot_rows(set->n));
-    for (int i = 0; rc == 0 && i < set->n; i++) {
-        json_t *fits = fit_all(set->path[i], e);
-        if (fits)
-            panel(&f, &set->data[i], fits);
-        else
-            rc = -ERR_FIT;
-        json_decref(fits);
-    }
+    for (int i = 0; rc == 0 && i < set->n; i++)
+        rc = panel(&f, &set->data[i], set->path[i], e);
     *drawn = true;
     int ended = figure_end(&f, e);
     return rc ? rc : ended;
