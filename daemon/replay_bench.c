@@ -101,7 +101,7 @@ static int stand_in(struct config_axis *axis, int unit, struct err *e) {
     return 0;
 }
 
-static int read_config(struct lab *lab, const struct recording *r, struct err *e) {
+static int read_config(struct lab *lab, const struct recording *r, enum replay_surface which, struct err *e) {
     struct err_list errors = {0};
     struct config *c = &lab->config;
     int rc = config_read_text("config of the session", r->config, strlen(r->config), c, &errors);
@@ -109,6 +109,8 @@ static int read_config(struct lab *lab, const struct recording *r, struct err *e
         *e = errors.item[0];
     err_list_free(&errors);
     snprintf(c->spectrometer.link, sizeof c->spectrometer.link, "sim:usb");
+    if (which == REPLAY_ESTIMATE) /* its parameters belong to this P, and to no other */
+        c->optics.polarisation_p = r->estimate.polarisation;
     c->n_notify = 0;
     if (rc == 0)
         rc = stand_in(&c->source, 1, e);
@@ -124,7 +126,7 @@ static int open_bench(struct lab *lab, const struct recording *r, const struct r
     if (r->utc_start_us)
         lab->clock.utc_start_us = r->utc_start_us;
     bench_init(&lab->bench, &lab->clock);
-    int rc = read_config(lab, r, e);
+    int rc = read_config(lab, r, o->surface, e);
     if (rc == 0)
         rc = simulate_new(&lab->simulate, &truth, &lab->config, &lab->clock, e);
     for (int i = 0; i < r->n_surfaces && rc == 0; i++)

@@ -5,23 +5,24 @@
 #include <string.h>
 
 #include "fit/drift.h"
-#include "fit/reflectance.h"
 #include "proto/units.h"
 
 #define SLOPE_STEP_DEG 0.02
 
-struct slopes {                     /* of the surface's visible mean */
+struct slopes {                     /* of the visible mean, as source and sensor see the surface */
     double of[2];                   /* per degree of each axis: source, sample */
     double by[MATERIAL_PARAMETERS]; /* per unit of each parameter of the estimate */
 };
 
+static double seen(const struct recording *r, double theta_i_deg, double theta_v_deg) {
+    return simulate_surface_mean(&r->surface[0].surface, &r->form, theta_i_deg, theta_v_deg, r->mean_nm);
+}
+
 /* A mirrored geometry has both axes negated, and so both slopes. */
 static void find_slopes(const struct recording *r, const struct replay_point *p, struct slopes *s) {
-    const struct simulate_surface *f = &r->surface[0].surface;
     const double i = p->theta_i_deg, v = p->theta_v_deg, h = SLOPE_STEP_DEG;
-    const int *nm = r->mean_nm;
-    double by_i = (simulate_surface_mean(f, i + h, v, nm) - simulate_surface_mean(f, i - h, v, nm)) / (2 * h);
-    double by_v = (simulate_surface_mean(f, i, v + h, nm) - simulate_surface_mean(f, i, v - h, nm)) / (2 * h);
+    double by_i = (seen(r, i + h, v) - seen(r, i - h, v)) / (2 * h);
+    double by_v = (seen(r, i, v + h) - seen(r, i, v - h)) / (2 * h);
     double sign = p->mirrored ? -1 : 1;
     *s = (struct slopes){0};
     if (!isfinite(by_i) || !isfinite(by_v))
@@ -30,14 +31,14 @@ static void find_slopes(const struct recording *r, const struct replay_point *p,
     s->of[1] = sign * (by_v - by_i);
 }
 
-static void find_gradient(const struct estimate *m, const struct replay_point *p, struct slopes *s) {
+static void find_gradient(const struct recording *r, const struct replay_point *p, struct slopes *s) {
+    const struct estimate *m = &r->estimate;
     enum reflectance_model model;
-    struct reflectance_geometry g;
-    const struct reflectance_optics optics = {m->kappa, m->q, 0};
+    const struct reflectance_optics optics = {m->kappa, m->q, m->polarisation};
     double beta, gradient[MATERIAL_PARAMETERS];
     if (reflectance_find(m->model, &model, NULL) < 0 ||
-        reflectance_geometry(&g, p->theta_i_deg, p->theta_v_deg, NULL) < 0 ||
-        reflectance_eval(model, 1, &g, m->value, &optics, &beta, gradient, NULL) < 0)
+        aperture_at(&r->form, p->theta_i_deg, p->theta_v_deg, model, m->value, &optics, &beta, gradient,
+                    NULL) < 0)
         return;
     for (int j = 0; j < reflectance_parameters(model); j++)
         s->by[reflectance_parameter(model, j)] = gradient[j];
@@ -111,7 +112,7 @@ int replay_covariance(double *v, struct replay *r, const struct recording *recor
         double *row = v + (size_t)i * r->n;
         find_slopes(recording, p, &slopes[i]);
         if (sides.estimated)
-            find_gradient(&recording->estimate, p, &slopes[i]);
+            find_gradient(recording, p, &slopes[i]);
         for (int k = 0; k <= i; k++)
             row[k] = covariance(&sides, r, i, k);
         row[i] += independent(&sides, r, i);

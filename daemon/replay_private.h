@@ -24,6 +24,7 @@ struct recording {
     int64_t utc_start_us; /* UTC at time 0 of the session */
     int mean_nm[2];
     double u_repeat_deg[2], u_zero_deg[2]; /* source, sample axis */
+    struct aperture_form form;             /* what its points were seen through */
     struct estimate estimate;              /* where that is the surface */
     int n_surfaces; /* [0] is the sample's own, then those of the job's other samples */
     struct {

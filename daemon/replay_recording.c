@@ -61,6 +61,11 @@ static int read_setup(struct recording *r, struct session *s, struct err *e) {
     r->u_repeat_deg[1] = json_number_value(json_object_get(setup, "u_repeat_sample_deg"));
     r->u_zero_deg[0] = json_number_value(json_object_get(setup, "u_zero_source_deg"));
     r->u_zero_deg[1] = json_number_value(json_object_get(setup, "u_zero_sample_deg"));
+    const char *filling = json_string_value(json_object_get(setup, "filling"));
+    r->form = (struct aperture_form){
+        .source_width_deg = json_number_value(json_object_get(setup, "source_width_deg")),
+        .sensor_width_deg = json_number_value(json_object_get(setup, "sensor_width_deg")),
+        .beam_in_view = filling && strcmp(filling, "beam-in-view") == 0};
     json_decref(setup);
     return rc;
 }

@@ -91,20 +91,17 @@ int simulate_surface_from_estimate(const struct estimate *m, struct simulate_sur
     return 0;
 }
 
-double simulate_surface_mean(const struct simulate_surface *s, double theta_i_deg, double theta_v_deg,
-                             const int mean_nm[2]) {
-    const double value[MATERIAL_PARAMETERS] = {[MATERIAL_S] = 1,
+double simulate_surface_mean(const struct simulate_surface *s, const struct aperture_form *form,
+                             double theta_i_deg, double theta_v_deg, const int mean_nm[2]) {
+    double mean, q, beta;
+    mean_of(s, mean_nm, &mean, &q);
+    const double value[MATERIAL_PARAMETERS] = {[MATERIAL_S] = mean,
                                                [MATERIAL_SIGMA] = s->sigma,
                                                [MATERIAL_GAMMA] = s->gamma,
                                                [MATERIAL_BETA_PRIME] = s->beta_prime,
                                                [MATERIAL_N] = s->n};
-    struct reflectance_geometry g;
-    struct reflectance_parts f;
-    const struct reflectance_optics optics = {.kappa = 1, .q = 1};
-    double mean, q, sign = theta_i_deg < 0 ? -1 : 1;
-    mean_of(s, mean_nm, &mean, &q);
-    if (reflectance_geometry(&g, sign * theta_i_deg, sign * theta_v_deg, NULL) < 0 ||
-        reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, &optics, &f, NULL) < 0)
-        return NAN;
-    return mean * f.diffuse + q * mean * mean * f.interreflection + f.specular;
+    const struct reflectance_optics optics = {.kappa = 1, .q = q};
+    int rc =
+        aperture_at(form, theta_i_deg, theta_v_deg, REFLECTANCE_COMPOSITE, value, &optics, &beta, NULL, NULL);
+    return rc < 0 ? NAN : beta;
 }

@@ -16,6 +16,7 @@
 
 #include <jansson.h>
 
+#include "fit/aperture.h"
 #include "proto/bands.h"
 #include "proto/material.h"
 
@@ -27,8 +28,9 @@ struct simulate_surface {
 json_t *simulate_surface_to_json(const struct simulate_surface *surface, const int mean_nm[2]);
 int simulate_surface_from_json(const json_t *json, struct simulate_surface *surface, struct err *e);
 int simulate_surface_from_estimate(const struct estimate *m, struct simulate_surface *surface, struct err *e);
-/* Mean over the bands of mean_nm at a geometry; theta_i_deg may be negative (the mirrored side). */
-double simulate_surface_mean(const struct simulate_surface *surface, double theta_i_deg, double theta_v_deg,
-                             const int mean_nm[2]);
+/* Mean over the bands of mean_nm as source and sensor see it, unpolarised; theta_i_deg may be negative (the mirrored
+ * side). NaN where the model says nothing. */
+double simulate_surface_mean(const struct simulate_surface *surface, const struct aperture_form *form,
+                             double theta_i_deg, double theta_v_deg, const int mean_nm[2]);
 
 #endif

@@ -12,6 +12,7 @@
 #include "sim/sim.h"
 
 static const int VISIBLE[2] = {400, 700};
+static const struct aperture_form POINTS = {0}; /* source and sensor without width */
 
 static void find(struct sim_surface *paint, struct simulate_surface *s) {
     assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, paint, NULL), 0);
@@ -32,9 +33,32 @@ static void the_mean_is_that_of_the_bands(void **state) {
         for (int k = 0; k < BANDS; k++)
             if (band_nm(k) >= 400 && band_nm(k) <= 700)
                 sum += sim_surface_beta(&paint, sign * at[i][0], sign * at[i][1], k) / 61;
-        double mean = simulate_surface_mean(&s, at[i][0], at[i][1], VISIBLE);
+        double mean = simulate_surface_mean(&s, &POINTS, at[i][0], at[i][1], VISIBLE);
         assert_true(fabs(mean - sum) <= 1e-13 * sum);
     }
+}
+
+/* Against a plain sum over the directions within both widths (fit/aperture.h). */
+static void widths_blur_it(void **state) {
+    enum { N = 60 };
+    const struct aperture_form form = {1.5, 1, false};
+    struct sim_surface paint;
+    struct simulate_surface s;
+    double sum = 0, weights = 0;
+    (void)state;
+    find(&paint, &s);
+    for (int a = 0; a < N; a++)
+        for (int b = 0; b < N; b++) {
+            double i = 40 + form.source_width_deg * ((a + 0.5) / N - 0.5);
+            double v = 40 + form.sensor_width_deg * ((b + 0.5) / N - 0.5);
+            double weight = cos(i * M_PI / 180);
+            sum += weight * simulate_surface_mean(&s, &POINTS, i, v, VISIBLE);
+            weights += weight;
+        }
+    double sharp = simulate_surface_mean(&s, &POINTS, 40, 40, VISIBLE);
+    double seen = simulate_surface_mean(&s, &form, 40, 40, VISIBLE);
+    assert_true(fabs(seen - sum / weights) < 1e-5 * seen);
+    assert_true(seen < sharp * (1 - 1e-4));
 }
 
 static void its_text_keeps_every_bit(void **state) {
@@ -85,8 +109,8 @@ static void an_estimate_becomes_a_surface(void **state) {
     assert_true(s.sigma == 0.3 && s.n == 1.5);
     strcpy(m.model, "lambert");
     assert_int_equal(simulate_surface_from_estimate(&m, &s, NULL), 0);
-    double flat = simulate_surface_mean(&s, 10, 20, VISIBLE),
-           steep = simulate_surface_mean(&s, 70, -60, VISIBLE);
+    double flat = simulate_surface_mean(&s, &POINTS, 10, 20, VISIBLE),
+           steep = simulate_surface_mean(&s, &POINTS, 70, -60, VISIBLE);
     assert_true(fabs(flat - steep) < 1e-9);
 }
 
@@ -112,6 +136,7 @@ static void estimates_that_are_no_surface_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_mean_is_that_of_the_bands),
+        cmocka_unit_test(widths_blur_it),
         cmocka_unit_test(its_text_keeps_every_bit),
         cmocka_unit_test(a_text_without_its_spectrum_is_refused),
         cmocka_unit_test(an_estimate_becomes_a_surface),
