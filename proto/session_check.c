@@ -179,8 +179,9 @@ static int check_rows(struct session *s, const char *table, struct err_list *fou
         if (checked && query_type(q, last) != QUERY_NULL &&
             query_int(q, last) != query_crc(q, first, last - 1))
             rc = add_damaged(s, table, q, "its values do not match their checksum", found);
-        if (rc >= 0 && first == 1 && query_int(q, 0) != ++number)
+        if (rc >= 0 && first == 1 && query_int(q, 0) != number + 1)
             rc = add_damaged(s, table, q, "the row before it is missing", found);
+        number = query_int(q, 0); /* one gap is one finding, not one for every row behind it */
     }
     query_free(q);
     return rc < 0 ? rc : 0;
