@@ -35,6 +35,8 @@ static void estimation_row(struct query *q, struct estimate *m) {
         *ranges[i] = query_double(q, at++);
     get_matrix(q, at++, m->statistical);
     get_matrix(q, at++, m->common);
+    for (int i = 0; i < MATERIAL_LOSSES; i++)
+        m->loss[i] = NAN; /* a session does not keep them */
 }
 
 static void parameter_row(struct query *q, struct estimate *m) {

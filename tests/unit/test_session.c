@@ -226,6 +226,8 @@ static int see_estimate(void *arg, int64_t us, int64_t last_point_id, const stru
         (double[]){want.kappa, want.q, want.chi2, want.bic, want.r2, want.median_relative_error,
                    want.specular_energy},
         7);
+    for (int i = 0; i < MATERIAL_LOSSES; i++)
+        assert_true(isnan(m->loss[i])); /* not stored: not known, rather than a perfect fit */
     assert_int_equal(m->has_spectrum, want.has_spectrum);
     assert_doubles(m->s_lambda, want.s_lambda, BANDS);
     assert_doubles(m->u_s_lambda, want.u_s_lambda, BANDS);
