@@ -72,16 +72,23 @@ static void add_scene(json_t *json, const struct scene *scene) {
     }
     json_object_set_new(json, "materials", materials);
     json_object_set_new(json, "lights", lights);
+    json_object_set_new(json, "grid", json_integer(scene->image.grid));
+}
+
+static void add_colours(json_t *json, const struct scene *scene, const struct picture *p) {
     json_object_set_new(json, "observer",
                         json_string(colour_observer_name((enum colour_observer)scene->image.observer)));
     json_object_set_new(json, "space", json_string(colour_space_name((enum colour_space)scene->image.space)));
     json_object_set_new(json, "adaptation",
                         json_string(colour_adaptation_name((enum colour_adaptation)scene->image.adaptation)));
     json_object_set_new(json, "exposure", json_real(scene->image.exposure));
-    json_object_set_new(json, "grid", json_integer(scene->image.grid));
+    json_object_set_new(json, "clipped", json_integer((json_int_t)p->clipped));
+    json_object_set_new(json, "out_of_gamut", json_integer((json_int_t)p->out_of_gamut));
+    json_object_set_new(json, "max_y", json_real(p->max_y));
+    json_object_set_new(json, "white", json_pack("[f,f,f]", p->white[0], p->white[1], p->white[2]));
 }
 
-static void add_work(json_t *json, const struct render_report *r, const struct picture *p) {
+static void add_work(json_t *json, const struct render_report *r) {
     json_t *counts = json_pack("{s:I,s:I,s:I,s:I,s:i}", "camera_rays", (json_int_t)r->counts.camera_rays,
                                "hits", (json_int_t)r->counts.hits, "shadow_rays",
                                (json_int_t)r->counts.shadow_rays, "negative_diffuse",
@@ -90,10 +97,6 @@ static void add_work(json_t *json, const struct render_report *r, const struct p
     json_object_set_new(json, "kept", features_json(&r->features, true));
     json_object_set_new(json, "bound", json_real(features_bound(&r->features)));
     json_object_set_new(json, "counts", counts);
-    json_object_set_new(json, "clipped", json_integer((json_int_t)p->clipped));
-    json_object_set_new(json, "out_of_gamut", json_integer((json_int_t)p->out_of_gamut));
-    json_object_set_new(json, "max_y", json_real(p->max_y));
-    json_object_set_new(json, "white", json_pack("[f,f,f]", p->white[0], p->white[1], p->white[2]));
 }
 
 json_t *origin_make(const struct scene *scene, const struct render_report *report,
@@ -102,7 +105,28 @@ json_t *origin_make(const struct scene *scene, const struct render_report *repor
                              command, "scene", scene->file, "name", scene->name);
     if (json) {
         add_scene(json, scene);
-        add_work(json, report, picture);
+        add_work(json, report);
+        add_colours(json, scene, picture);
     }
+    return json;
+}
+
+json_t *origin_recoloured(const struct scene *scene, json_t *rendered, const struct picture *picture,
+                          const char *command) {
+    json_t *json = json_deep_copy(rendered);
+    for (int i = 0; i < scene->n_lights; i++) {
+        json_object_set_new(json_array_get(json_object_get(json, "lights"), (size_t)i), "spd",
+                            json_string(scene->light[i].spd_name));
+    }
+    for (int i = 0; i < scene->n_paints; i++) {
+        if (scene->paint[i].sha256[0]) { /* planes know none: this one is a session's */
+            json_object_set_new(json_array_get(json_object_get(json, "materials"), (size_t)i), "spectrum_of",
+                                material_json(scene, &scene->paint[i]));
+        }
+    }
+    json_object_set_new(json, "program", json_string("goniorender " GONIOD_VERSION));
+    json_object_set_new(json, "command", json_string(command));
+    json_object_set(json, "rendered", rendered);
+    add_colours(json, scene, picture);
     return json;
 }

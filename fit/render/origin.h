@@ -3,7 +3,8 @@
  *
  * {"program", "command", "scene", "materials": [{"name", "source", "sha256", "model", "parameters", "u", "kappa",
  * "held_bands_nm", "held_share"}], "lights", "observer", "space", "adaptation", "exposure", "white", "grid",
- * "left_out", "kept", "bound", "counts", "clipped", "out_of_gamut", "max_y"}
+ * "left_out", "kept", "bound", "counts", "clipped", "out_of_gamut", "max_y"}; of recoloured planes also "rendered", the
+ * origin of these, and "spectrum_of" in a material whose S(lambda) is now that of another session.
  * Checked    tests/unit/test_goniorender.py
  */
 #ifndef FIT_RENDER_ORIGIN_H
@@ -16,6 +17,9 @@
 /* NULL when out of memory. */
 json_t *origin_make(const struct scene *scene, const struct render_report *report,
                     const struct picture *picture, const char *command);
+/* The origin of the planes, in which the lights' spectra and what follows from them are the picture's. */
+json_t *origin_recoloured(const struct scene *scene, json_t *rendered, const struct picture *picture,
+                          const char *command);
 /* The largest share of X, Y, Z that rests on bands that were not measured, over the lights. */
 double origin_held_share(const struct scene *scene, const struct paint *paint);
 

@@ -176,6 +176,9 @@ static bool take_lists(struct scene *scene, const json_t *json) {
         light->spd = (int)json_integer_value(json_object_get(one, "spd"));
         light->share = json_number_value(json_object_get(one, "share"));
         good = light->spd >= 0 && light->spd < scene->n_spds;
+        if (good) {
+            memcpy(light->spd_name, scene->spd[light->spd].name, sizeof light->spd_name);
+        }
     }
     return good;
 }

@@ -126,17 +126,12 @@ static void change_image(const struct recolour *o, struct scene_image *image) {
 static int write_recoloured(const struct recolour *o, const struct scene *scene, const struct planes *planes,
                             json_t *rendered, const char *line, struct err *e) {
     struct picture picture;
-    struct render_report report = {.counts.rows_done = planes->height};
     int status = render_picture(scene, planes, false, &picture, e);
     if (status) {
         return status;
     }
-    for (int i = 0; i < FEATURES; i++) {
-        snprintf(report.features.line[i].reason, sizeof report.features.line[i].reason, "recoloured");
-    }
-    json_t *origin = origin_make(scene, &report, &picture, line);
+    json_t *origin = origin_recoloured(scene, rendered, &picture, line);
     json_object_set_new(origin, "planes", json_string(o->planes));
-    json_object_set(origin, "rendered", rendered);
     char *text = origin ? json_dumps(origin, JSON_COMPACT) : NULL;
     status =
         text ? image_write(o->output, &picture, text, e) : err_set(e, ERR_NOMEM, "no memory for the origin");

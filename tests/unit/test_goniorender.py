@@ -128,7 +128,11 @@ def test_recolour_needs_no_scene(folder):
         assert code == 0, err
         pixels = [[data for name, data in chunks(folder / p) if name == "IDAT"] for p in ("c.png", like)]
         assert pixels[0] == pixels[1], words
-    assert origin_of(folder / "c.png")["rendered"]["materials"][0]["model"] == "composite"
+    origin, rendered = origin_of(folder / "c.png"), origin_of(folder / "r.png")
+    assert origin["rendered"] == rendered and origin["command"].startswith("goniorender recolour ")
+    assert origin["lights"] == [{**rendered["lights"][0], "spd": "A"}] and origin["white"] != rendered["white"]
+    for key in ("materials", "left_out", "kept", "grid"):
+        assert origin[key] == rendered[key], key
     for words in (["--spd", "X"], ["--spd", "A", "--spd", "A"], ["--space", "cmyk"], ["--session", "red=x.gonio"]):
         code, out, err = run("recolour", folder / "p.exr", "-o", folder / "x.png", *words)
         assert code == 2 and err and not (folder / "x.png").exists(), words

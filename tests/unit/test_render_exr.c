@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "fit/render/exr.h"
+#include "fit/render/origin.h"
 #include "fit/render/planes_file.h"
 #include "proto/file.h"
 #include "tests/support/render_scene.h"
@@ -121,6 +122,31 @@ static void an_exr_reads_back(void **state) {
     assert_int_equal(exr_load(path, "goniod", &image, NULL), -ERR_IO);
 }
 
+/* What recolouring leaves alone is told of the rendering, what it changes of the picture. */
+static void a_recoloured_picture_tells_what_changed(void **state) {
+    (void)state;
+    struct scene *scene = scene_of(SCENE, "D65");
+    struct picture picture = {.max_y = 0.5};
+    json_t *rendered = json_pack("{s:[{s:s},{s:s}],s:[{s:s},{}],s:f}", "materials", "source", "old", "source",
+                                 "kept", "lights", "spd", "A", "max_y", 0.25);
+    strcpy(scene->paint[0].source, "new");
+    strcpy(scene->paint[0].sha256, "ba78");
+    json_t *origin = origin_recoloured(scene, rendered, &picture, "goniorender recolour");
+    const char *sha256, *spd[2], *before, *old, *kept;
+    double max_y;
+    assert_int_equal(json_unpack(origin, "{s:[{s:s,s:{s:s}},{s:s !}],s:[{s:s},{s:s}],s:F,s:{s:[{s:s},{}]}}",
+                                 "materials", "source", &old, "spectrum_of", "sha256", &sha256, "source",
+                                 &kept, "lights", "spd", &spd[0], "spd", &spd[1], "max_y", &max_y, "rendered",
+                                 "lights", "spd", &before),
+                     0);
+    assert_string_equal(sha256, "ba78");
+    assert_true(strcmp(spd[0], "D65") == 0 && strcmp(spd[1], "D50") == 0 && strcmp(before, "A") == 0);
+    assert_true(max_y == 0.5);
+    json_decref(origin);
+    json_decref(rendered);
+    scene_free(scene);
+}
+
 static void no_broken_file_is_taken(void **state) {
     (void)state;
     char path[40], *bytes;
@@ -150,6 +176,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(recolouring_is_rendering),
         cmocka_unit_test(an_exr_reads_back),
+        cmocka_unit_test(a_recoloured_picture_tells_what_changed),
         cmocka_unit_test(no_broken_file_is_taken),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
