@@ -5,7 +5,7 @@
  * position_mm; height_deg is the vertical field. Pixels are square; u in 0..width from the left, v in 0..height
  * from the top, pixel centres at halves.
  * Errors     camera_prepare: -ERR_INPUT looking nowhere, or along `up`.
- * Checked    tests/unit/test_render_shapes.c
+ * Checked    tests/unit/test_render.c: sphere and cylinder at pixel centres, far perspective
  */
 #ifndef FIT_RENDER_CAMERA_H
 #define FIT_RENDER_CAMERA_H

@@ -3,7 +3,7 @@
  *
  * A shape is described in its standard position (centre at the origin, cylinder axis along y, flat shapes in the
  * plane z = 0 facing +z), turned about x, then y, then z of the scene, and then moved.
- * Checked    tests/unit/test_render_shapes.c
+ * Checked    tests/unit/test_render.c
  */
 #ifndef FIT_RENDER_FRAME_H
 #define FIT_RENDER_FRAME_H

@@ -1,5 +1,7 @@
 /*
  * scene_keys.h — the tables of keys of a scene file; docs/scene-file.md is printed from them.
+ *
+ * Checked    tests/unit/test_scene.c
  */
 #ifndef FIT_RENDER_SCENE_KEYS_H
 #define FIT_RENDER_SCENE_KEYS_H

@@ -8,7 +8,7 @@
  * Units      millimetres and degrees.
  * Errors     shape_prepare: -ERR_IO, -ERR_INPUT a file that cannot be used; -ERR_NOMEM.
  * Promises   shape_hit: no allocation, any thread; a ray inside a surface does not meet it.
- * Checked    tests/unit/test_render_shapes.c
+ * Checked    tests/unit/test_render.c: sphere and cylinder against their cosines; test_relief.c: rectangle, mask, board
  */
 #ifndef FIT_RENDER_SHAPE_H
 #define FIT_RENDER_SHAPE_H

@@ -2,7 +2,7 @@
  * vec3.h — vectors of three doubles: places in millimetres, directions of length 1.
  *
  * Right-handed: x to the right, y up, z towards the camera of a scene without any turn.
- * Checked    tests/unit/test_render_shapes.c
+ * Checked    tests/unit/test_render.c
  */
 #ifndef FIT_RENDER_VEC3_H
 #define FIT_RENDER_VEC3_H

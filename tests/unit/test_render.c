@@ -89,6 +89,30 @@ static void lambert_cylinder_to_ten_digits(void **state) {
     scene_free(scene);
 }
 
+/* Turned towards the camera it shows the disc at its end, and open nothing: one does not see a surface from behind. */
+static void a_cylinder_ends_in_discs_unless_it_is_open(void **state) {
+    (void)state;
+    for (int open = 0; open < 2; open++) {
+        struct scene *scene = scene_of(
+            WHITE "shapes: [cylinder: {material: m, radius_mm: 20, length_mm: 60, turn_deg: [90, 0, 0], "
+                  "open: %s}]\n"
+                  "lights: [beam: {theta_deg: 25}]\n"
+                  "camera: {orthographic: {height_mm: 50}}\nimage: {width: 50, height: 50, grid: 1}\n",
+            open ? "true" : "false");
+        struct planes planes;
+        struct render_report report;
+        planes_of(scene, &(struct render_options){0}, &planes, &report);
+        for (int i = 0; i < 2500; i++) {
+            double x = i % 50 - 24.5, y = i / 50 - 24.5;
+            bool shown = !open && x * x + y * y <= 400;
+            assert_int_equal(planes.paint[i] >= 0, shown);
+            assert_true(!shown || fabs(planes.set[0].a[i] - cos(rad_from_deg(THETA_DEG))) < 1e-15);
+        }
+        planes_free(&planes);
+        scene_free(scene);
+    }
+}
+
 /* Seen from far away through a small angle, perspective is parallel. */
 static void perspective_far_away_is_parallel(void **state) {
     (void)state;
@@ -359,6 +383,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lambert_sphere_to_ten_digits),
         cmocka_unit_test(lambert_cylinder_to_ten_digits),
+        cmocka_unit_test(a_cylinder_ends_in_discs_unless_it_is_open),
         cmocka_unit_test(perspective_far_away_is_parallel),
         cmocka_unit_test(same_bits_for_any_number_of_threads),
         cmocka_unit_test(what_stands_in_the_light_casts_a_shadow),
