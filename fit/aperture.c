@@ -146,61 +146,6 @@ int aperture_move(struct aperture *a, size_t point, double theta_i_deg, double t
     return status;
 }
 
-struct view { /* the nodes of some points, and the columns of a gradient row */
-    const struct reflectance_geometry *geometry;
-    const double *weight;
-    size_t nodes;
-    int k;
-};
-
-static void average(const struct view *view, size_t n, const double *node_beta, const double *node_gradient,
-                    double *beta, double *gradient) {
-    const size_t k = (size_t)view->k;
-    for (size_t i = 0; i < n; i++) {
-        double sum = 0, row[MATERIAL_PARAMETERS] = {0};
-        for (size_t m = i * view->nodes; m < (i + 1) * view->nodes; m++) {
-            sum += view->weight[m] * node_beta[m];
-            for (size_t j = 0; node_gradient && j < k; j++) {
-                row[j] += view->weight[m] * node_gradient[m * k + j];
-            }
-        }
-        beta[i] = sum;
-        if (gradient) {
-            memcpy(&gradient[i * k], row, k * sizeof *row);
-        }
-    }
-}
-
-static int eval_view(const struct view *view, size_t n, enum reflectance_model model, const double *value,
-                     const struct reflectance_optics *optics, double *beta, double *gradient, struct err *e) {
-    double node_beta[BATCH], node_gradient[BATCH * MATERIAL_PARAMETERS];
-    const size_t at_once = BATCH / view->nodes;
-    for (size_t first = 0; first < n; first += at_once) {
-        size_t count = n - first < at_once ? n - first : at_once, node = first * view->nodes;
-        int status = reflectance_eval(model, count * view->nodes, view->geometry + node, value, optics,
-                                      node_beta, gradient ? node_gradient : NULL, e);
-        if (status) {
-            return status;
-        }
-        struct view batch = *view;
-        batch.weight += node;
-        average(&batch, count, node_beta, gradient ? node_gradient : NULL, beta + first,
-                gradient ? gradient + first * (size_t)view->k : NULL);
-    }
-    return 0;
-}
-
-int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
-                  const double *value, const struct reflectance_optics *optics, double *beta,
-                  double *gradient, struct err *e) {
-    size_t at = first * (size_t)a->nodes;
-    if (!a->weight) {
-        return reflectance_eval(model, n, a->geometry + at, value, optics, beta, gradient, e);
-    }
-    struct view view = {a->geometry + at, a->weight + at, (size_t)a->nodes, reflectance_parameters(model)};
-    return eval_view(&view, n, model, value, optics, beta, gradient, e);
-}
-
 /* Columns of some nodes into the columns of their points, from point at on. */
 static void average_columns(const double *weight, size_t nodes, size_t n, const double *node, double *point) {
     for (size_t i = 0; i < n; i++) {
@@ -249,14 +194,50 @@ int aperture_columns(const struct aperture *a, size_t first, size_t n, enum refl
     return status;
 }
 
+int aperture_eval(const struct aperture *a, size_t first, size_t n, enum reflectance_model model,
+                  const double *value, const struct reflectance_optics *optics, double *beta,
+                  double *gradient, struct err *e) {
+    double block_beta[BATCH], slope[BATCH * MATERIAL_PARAMETERS];
+    const size_t k = (size_t)reflectance_parameters(model);
+    for (size_t done = 0; done < n; done += BATCH) {
+        const size_t count = n - done < BATCH ? n - done : BATCH;
+        int status =
+            aperture_columns(a, first + done, count, model, value, optics, block_beta, slope, BATCH, e);
+        if (status) {
+            return status;
+        }
+        memcpy(beta + done, block_beta, count * sizeof *beta);
+        for (size_t i = 0; gradient && i < count; i++) {
+            for (size_t j = 0; j < k; j++) {
+                gradient[(done + i) * k + j] = slope[j * BATCH + i];
+            }
+        }
+    }
+    return 0;
+}
+
 int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
                 enum reflectance_model model, const double *value, const struct reflectance_optics *optics,
                 double *beta, double *gradient, struct err *e) {
     struct reflectance_geometry geometry[NODES_MAX];
-    double weight[NODES_MAX];
+    double weight[NODES_MAX], node_beta[NODES_MAX], node_gradient[NODES_MAX * MATERIAL_PARAMETERS];
+    const int nodes = nodes_of(form), k = reflectance_parameters(model);
     int status = place(form, theta_i_deg, theta_v_deg, geometry, weight, e);
-    struct view view = {geometry, weight, (size_t)nodes_of(form), reflectance_parameters(model)};
-    return status ? status : eval_view(&view, 1, model, value, optics, beta, gradient, e);
+    if (status || (status = reflectance_eval(model, (size_t)nodes, geometry, value, optics, node_beta,
+                                             gradient ? node_gradient : NULL, e))) {
+        return status;
+    }
+    *beta = 0;
+    for (int j = 0; gradient && j < k; j++) {
+        gradient[j] = 0;
+    }
+    for (int m = 0; m < nodes; m++) {
+        *beta += weight[m] * node_beta[m];
+        for (int j = 0; gradient && j < k; j++) {
+            gradient[j] += weight[m] * node_gradient[m * k + j];
+        }
+    }
+    return 0;
 }
 
 int aperture_parts(const struct aperture *a, size_t point, enum reflectance_model model, const double *value,

@@ -12,7 +12,7 @@
  * out. Widths are those in the plane of incidence; what lies across it moves phi by its square only.
  *
  * Shapes     as fit/reflectance.h; points first .. first + n - 1 of the set.
- * Domain     widths 0 .. 20 deg; both 0 is reflectance_eval itself, to the bit and at its cost.
+ * Domain     widths 0 .. 20 deg; both 0 is fit/reflectance_batch.h itself (aperture_at: reflectance_eval), to the bit.
  * Promises   no allocation but in aperture_init; reciprocal, widths and spots changing places too.
  * Errors     as fit/reflectance.h; aperture_init also -ERR_RANGE (a width), -ERR_NOMEM.
  * Source     measurement.md 1 and 7; reflection-model.md 3.6.

@@ -89,9 +89,13 @@ static void without_widths_it_is_the_model_to_the_bit(void **state) {
     struct goniometry m;
     struct aperture a;
     struct reflectance_parts parts, plain_parts;
-    double beta[GONIOMETRY_MAX], gradient[GONIOMETRY_MAX * 5], plain, row[5];
+    struct reflectance_batch batch;
+    double beta[GONIOMETRY_MAX], gradient[GONIOMETRY_MAX * 5], plain, row[5], alone, alone_row[5];
+    double wide[REFLECTANCE_BATCH_LANES], wide_slope[5 * REFLECTANCE_BATCH_LANES];
+    double memory[2 * REFLECTANCE_BATCH_LANES * REFLECTANCE_BATCH_COLUMNS];
     const double *value = goniometry_set[1];
     goniometry_make(&m, value, 60, 5);
+    assert_true(reflectance_batch_size(1) <= sizeof memory / sizeof *memory);
     assert_int_equal(
         aperture_init(&a, &(struct aperture_form){0}, m.input.n, m.theta_i_deg, m.theta_v_deg, NULL), 0);
     aperture_eval(&a, 10, m.input.n - 10, REFLECTANCE_COMPOSITE, value, OPTICS(1.3), beta, gradient, NULL);
@@ -99,14 +103,21 @@ static void without_widths_it_is_the_model_to_the_bit(void **state) {
         struct reflectance_geometry g;
         reflectance_geometry(&g, m.theta_i_deg[i], m.theta_v_deg[i], NULL);
         reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, OPTICS(1.3), &plain, row, NULL);
-        assert_memory_equal(&plain, &beta[i - 10], sizeof plain);
-        assert_memory_equal(row, &gradient[(i - 10) * 5], sizeof row);
+        reflectance_batch_fill(&batch, 1, &g, memory);
+        reflectance_batch_eval(&batch, 0, 1, REFLECTANCE_COMPOSITE, value, OPTICS(1.3), wide, wide_slope,
+                               REFLECTANCE_BATCH_LANES, NULL);
+        assert_memory_equal(&wide[0], &beta[i - 10], sizeof wide[0]);
+        for (size_t j = 0; j < 5; j++) {
+            assert_memory_equal(&wide_slope[j * REFLECTANCE_BATCH_LANES], &gradient[(i - 10) * 5 + j],
+                                sizeof wide_slope[0]);
+        }
         aperture_parts(&a, i, REFLECTANCE_COMPOSITE, value, OPTICS(1.3), &parts, NULL);
         reflectance_eval_parts(REFLECTANCE_COMPOSITE, &g, value, OPTICS(1.3), &plain_parts, NULL);
         assert_memory_equal(&parts, &plain_parts, sizeof parts);
         aperture_at(&a.form, m.theta_i_deg[i], m.theta_v_deg[i], REFLECTANCE_COMPOSITE, value, OPTICS(1.3),
-                    &plain, row, NULL);
-        assert_memory_equal(&plain, &beta[i - 10], sizeof plain);
+                    &alone, alone_row, NULL);
+        assert_memory_equal(&plain, &alone, sizeof plain);
+        assert_memory_equal(row, alone_row, sizeof row);
     }
     aperture_free(&a);
 }
