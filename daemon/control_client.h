@@ -1,9 +1,9 @@
 /*
  * control_client.h — one connection to goniod's socket: lines in, lines out, within its limits.
  *
- * Belongs to the control thread. A line that is too long, or 4 MiB of replies nobody reads, ends the
- * connection with a sentence. Events are dropped rather than queued for a slow reader, and the number of
- * missed ones is told when it reads again.
+ * Belongs to the control thread. A line that is too long ends the connection with a sentence; 4 MiB of replies that
+ * nobody reads end it too, with the sentence in goniod's log. Events are dropped rather than queued for a slow reader,
+ * and the number of missed ones is told when it reads again.
  * Checked    tests/scenario/test_control.c
  */
 #ifndef DAEMON_CONTROL_CLIENT_H

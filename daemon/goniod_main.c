@@ -15,11 +15,12 @@
 #include "daemon/campaign.h"
 #include "daemon/control.h"
 #include "daemon/simulate.h"
+#include "daemon/verb_session.h"
 #include "proto/file.h"
 #include "proto/session.h"
+#include "proto/yaml.h"
 
 #define CONFIG_DEFAULT "/etc/goniod/goniod.yaml"
-#define CONFIG_MAX (1 << 20)
 #define DIR_MODE 0750
 
 struct options {
@@ -142,7 +143,7 @@ static int read_config(struct daemon *d) {
         file = "built-in config";
         d->config_text = strdup(config_builtin_text());
         size = strlen(d->config_text);
-    } else if (file_read(file, CONFIG_MAX, &d->config_text, &size, &e) < 0) {
+    } else if (file_read(file, YAML_BYTES_MAX, &d->config_text, &size, &e) < 0) {
         complain(&e);
         if (!d->options.config)
             fputs("goniod: name the config of your bench with --config, or try a simulated one with "
@@ -193,28 +194,13 @@ static void default_socket(char *path, size_t size) {
         snprintf(path, size, "%s/goniod.sock", runtime);
 }
 
-static void default_sessions(char *path, size_t size) {
-    const char *set = getenv("GONIOD_SESSIONS"), *data = getenv("XDG_DATA_HOME"), *home = getenv("HOME");
-    if (set && *set)
-        snprintf(path, size, "%s", set);
-    else if (access("/var/lib/goniod/sessions", W_OK) == 0 || (!data && !home))
-        snprintf(path, size, "/var/lib/goniod/sessions");
-    else if (data)
-        snprintf(path, size, "%s/goniod", data);
-    else
-        snprintf(path, size, "%s/.local/share/goniod", home);
-}
-
 static void choose_paths(struct daemon *d) {
     const struct options *o = &d->options;
     if (o->socket)
         snprintf(d->socket, sizeof d->socket, "%s", o->socket);
     else
         default_socket(d->socket, sizeof d->socket);
-    if (o->sessions)
-        snprintf(d->sessions, sizeof d->sessions, "%s", o->sessions);
-    else
-        default_sessions(d->sessions, sizeof d->sessions);
+    verb_sessions_folder(o->sessions, W_OK, d->sessions, sizeof d->sessions);
 }
 
 static int lock_sessions(struct daemon *d, struct err *e) {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "daemon/session_text.h"
 #include "daemon/verb_session.h"
@@ -158,6 +159,6 @@ int verb_sessions(int argc, char **argv) {
     int done = verb_parse(argc, argv, NULL, 0, 0, &args);
     if (done >= 0)
         return done;
-    verb_sessions_folder(args.sessions, folder, sizeof folder);
+    verb_sessions_folder(args.sessions, F_OK, folder, sizeof folder);
     return list(folder, args.json, &e) < 0 ? verb_fail(&e, NULL) : 0;
 }

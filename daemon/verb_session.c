@@ -7,18 +7,18 @@
 
 #define SYSTEM_FOLDER "/var/lib/goniod/sessions"
 
-const char *verb_sessions_folder(const char *named, char *buffer, size_t size) {
+const char *verb_sessions_folder(const char *named, int need, char *buffer, size_t size) {
     const char *set = getenv("GONIOD_SESSIONS"), *data = getenv("XDG_DATA_HOME"), *home = getenv("HOME");
     if (named)
         snprintf(buffer, size, "%s", named);
     else if (set && *set)
         snprintf(buffer, size, "%s", set);
-    else if (access(SYSTEM_FOLDER, F_OK) == 0)
+    else if (access(SYSTEM_FOLDER, need) == 0 || (!(data && *data) && !(home && *home)))
         snprintf(buffer, size, SYSTEM_FOLDER);
     else if (data && *data)
         snprintf(buffer, size, "%s/goniod", data);
     else
-        snprintf(buffer, size, "%s/.local/share/goniod", home ? home : "");
+        snprintf(buffer, size, "%s/.local/share/goniod", home);
     return buffer;
 }
 
@@ -28,7 +28,7 @@ int verb_session_path(const struct verb_args *args, const char *session, char *p
     snprintf(path, size, "%s", session);
     if (access(path, F_OK) == 0)
         return 0;
-    verb_sessions_folder(args->sessions, folder, sizeof folder);
+    verb_sessions_folder(args->sessions, F_OK, folder, sizeof folder);
     snprintf(path, size, "%s/%s", folder, session);
     if (access(path, F_OK) == 0)
         return 0;
