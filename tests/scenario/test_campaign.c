@@ -178,6 +178,13 @@ static int find_end(void *arg, int64_t us, const char *kind, const char *json) {
     return 0;
 }
 
+static void cannot_be_resumed(struct fixture *f, const char *dir, const char *name) {
+    lab_open(&f->lab, dir, &seed1, NULL);
+    lab_resume(&f->lab, name);
+    lab_run_refused(&f->lab, ERR_STATE, "aborted by a person");
+    lab_close(&f->lab);
+}
+
 static void abort_ends_it_in_any_state(void **state) {
     static const struct lab_line way[][2] = {
         {{.steps = 0, .state = CAMPAIGN_PREPARING, .command = COMMAND_ABORT}, {.steps = -1}},
@@ -196,7 +203,8 @@ static void abort_ends_it_in_any_state(void **state) {
             lab_script(&f->lab, way[w][i]);
         run_job(f, "aborted", "fixed");
         assert_int_equal(f->lab.ended, CAMPAIGN_ABORTED);
-        if (lab_session(&f->lab, 0, name)) {
+        bool begun = lab_session(&f->lab, 0, name);
+        if (begun) {
             verify(&f->lab, name);
             struct session *s = lab_open_session(&f->lab, name);
             assert_int_equal(session_each_event(s, find_end, end, NULL), 0);
@@ -204,6 +212,8 @@ static void abort_ends_it_in_any_state(void **state) {
             assert_non_null(strstr(end, "\"aborted\""));
         }
         lab_close(&f->lab);
+        if (begun)
+            cannot_be_resumed(f, dir, name);
         lab_remove_dir(dir);
     }
 }
