@@ -1,6 +1,7 @@
 /* A session goes on by the same road as after a pause: its rows are replayed through the reduction, the open bracket
  * ends, and the plan is run where it is not done. All sessions of the run go on together. */
 #include "daemon/campaign_private.h"
+#include "daemon/session_text.h"
 
 #include <string.h>
 #include <unistd.h>
@@ -57,14 +58,14 @@ static int check_text(struct session *s, const char *key, const char *now, const
 }
 
 static int plan_from_texts(struct campaign *c, struct session *s, struct campaign_job *job, struct err *e) {
-    char *text = NULL, *certificate = NULL, *files = NULL;
+    char *text = NULL, *certificate = NULL;
+    json_t *names = NULL;
     struct err_list errors = {0};
     int result = session_get_text(s, "job", &text, e);
     if (result == 0)
         result = session_get_text(s, "certificate", &certificate, e);
     if (result == 0)
-        result = session_get_text(s, "files", &files, e);
-    json_t *names = files ? json_loads(files, 0, NULL) : NULL;
+        result = session_text_json(s, "files", &names, e);
     const char *job_name = json_string_value(json_object_get(names, "job"));
     const char *certificate_name = json_string_value(json_object_get(names, "certificate"));
     if (result == 0 && (!text || !certificate || !job_name || !certificate_name))
@@ -80,7 +81,6 @@ static int plan_from_texts(struct campaign *c, struct session *s, struct campaig
     json_decref(names);
     free(text);
     free(certificate);
-    free(files);
     return result;
 }
 
@@ -97,16 +97,14 @@ static bool same_step(const json_t *then, const json_t *now) {
 
 /* The rows name steps by their number. */
 static int check_same_steps(struct session *s, const struct campaign_job *job, struct err *e) {
-    char *text = NULL;
-    int result = session_get_text(s, "plan", &text, e);
-    json_t *now = plan_to_json(&job->plan, &job->job), *then = text ? json_loads(text, 0, NULL) : NULL;
+    json_t *now = plan_to_json(&job->plan, &job->job), *then;
+    int result = session_text_json(s, "plan", &then, e);
     const json_t *a = json_object_get(then, "steps"), *b = json_object_get(now, "steps");
     bool same = json_array_size(a) == json_array_size(b);
     for (size_t i = 0; same && i < json_array_size(a); i++)
         same = same_step(json_array_get(a, i), json_array_get(b, i));
     json_decref(now);
     json_decref(then);
-    free(text);
     if (result == 0 && !same)
         result = err_set(
             e, ERR_STATE,
@@ -271,17 +269,16 @@ static int resume_one(struct campaign *c, int sample, const char *name, int64_t 
 /* The sessions of the run, by sample; the session that was named stands in its own place among them. */
 static json_t *siblings_of(struct campaign *c, const char *name, struct err *e) {
     struct session *s;
-    char *text = NULL;
+    json_t *names;
     if (open_session(c, name, &s, e) < 0)
         return NULL;
-    session_get_text(s, "siblings", &text, e);
+    int result = session_text_json(s, "siblings", &names, e);
     session_close(s, NULL);
-    json_t *names = text ? json_loads(text, 0, NULL) : NULL;
-    free(text);
     if (json_is_array(names) && json_array_size(names) == (size_t)c->job->n_samples)
         return names;
     json_decref(names);
-    err_set(e, ERR_INPUT, "session %s does not say which sessions belong to its run", name);
+    if (result == 0)
+        err_set(e, ERR_INPUT, "session %s does not say which sessions belong to its run", name);
     return NULL;
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "daemon/session_text.h"
 #include "fit/aperture.h"
 #include "proto/units.h"
 
@@ -88,8 +89,7 @@ static void copy_text(char *to, size_t size, const json_t *object, const char *k
     snprintf(to, size, "%s", text ? text : "");
 }
 
-static void read_sample(struct dataset *d, const char *text) {
-    json_t *sample = text ? json_loads(text, 0, NULL) : NULL;
+static void read_sample(struct dataset *d, const json_t *sample) {
     const json_t *water = json_object_get(sample, "water_percent");
     copy_text(d->sample, sizeof d->sample, sample, "name");
     copy_text(d->paint, sizeof d->paint, sample, "paint");
@@ -97,11 +97,9 @@ static void read_sample(struct dataset *d, const char *text) {
     copy_text(d->series, sizeof d->series, sample, "series");
     d->has_water = json_is_number(water);
     d->water_percent = json_number_value(water);
-    json_decref(sample);
 }
 
-static void read_truth(struct dataset *d, const char *text) {
-    json_t *truth = text ? json_loads(text, 0, NULL) : NULL;
+static void read_truth(struct dataset *d, const json_t *truth) {
     d->has_truth = truth != NULL;
     for (int k = 0; truth && k < DATASET_PARAMETERS; k++) {
         const json_t *value = json_object_get(truth, material_parameter_name("composite", k));
@@ -109,20 +107,19 @@ static void read_truth(struct dataset *d, const char *text) {
         d->has_truth = d->has_truth && json_is_number(value);
     }
     d->truth_q = json_number_value(json_object_get(truth, "q"));
-    json_decref(truth);
 }
 
 static int read_texts(struct dataset *d, struct session *s, struct err *e) {
-    char *sample = NULL, *truth = NULL;
-    int rc = session_get_text(s, "sample", &sample, e);
+    json_t *sample = NULL, *truth = NULL;
+    int rc = session_text_json(s, "sample", &sample, e);
     if (rc == 0)
-        rc = session_get_text(s, "truth", &truth, e);
+        rc = session_text_json(s, "truth", &truth, e);
     if (rc == 0) {
         read_sample(d, sample);
         read_truth(d, truth);
     }
-    free(sample);
-    free(truth);
+    json_decref(sample);
+    json_decref(truth);
     return rc;
 }
 
@@ -183,17 +180,11 @@ void dataset_free(struct dataset *d) {
 }
 
 double dataset_u_total(const struct point *p) {
-    double u2 = p->mean_u_ind * p->mean_u_ind;
-    for (int i = 0; i < p->n_common; i++)
-        u2 += p->common[i].mean * p->common[i].mean;
-    return sqrt(u2);
+    return hypot(p->mean_u_ind, session_common_mean(p));
 }
 
 double dataset_u_band(const struct point *p, int band) {
-    double u2 = p->u_ind[band] * p->u_ind[band];
-    for (int i = 0; i < p->n_common; i++)
-        u2 += p->common[i].sensitivity[band] * p->common[i].sensitivity[band];
-    return sqrt(u2);
+    return hypot(p->u_ind[band], session_common_band(p, band));
 }
 
 #define SWEEP_WIDTH_UDEG (UDEG_PER_DEG / 4)

@@ -5,6 +5,7 @@
 
 #include "daemon/session_text.h"
 #include "daemon/verb_export.h"
+#include "fit/drift.h"
 
 #define RAD_PER_UDEG (3.14159265358979323846 / 180e6)
 
@@ -65,22 +66,18 @@ static void free_rows(struct rows *r) {
     free(r->bracket);
 }
 
-/* Covariance of a Brownian bridge of unit rate. */
-static double bridge(double first, double second, double length) {
-    double low = first < second ? first : second, high = first < second ? second : first;
-    return low * (length - high) / length;
-}
-
-/* Relative variance of the drift between the reading of the reference and that of the sample (measurement.md 3). */
+/* Relative variance of the drift between the reading of the reference and that of the sample. */
 static double drift_variance(const struct rows *r, const struct point *p, int band) {
     for (int i = 0; i < r->n_brackets; i++) {
         const struct bracket *b = &r->bracket[i];
         if (b->number != p->bracket)
             continue;
-        double length = (double)(b->close_us - b->open_us) * 1e-6;
-        double s = p->tau_us * 1e-6, t = p->tau_r_us * 1e-6;
-        double shape = bridge(s, s, length) + bridge(t, t, length) - 2 * bridge(s, t, length);
-        return (band < 0 ? b->mean_rate : b->rate[band]) * shape;
+        const struct estimate_bracket of = {.n = 1,
+                                            .tau_us = &p->tau_us,
+                                            .tau_r_us = &p->tau_r_us,
+                                            .length_us = (double)(b->close_us - b->open_us),
+                                            .rate = band < 0 ? b->mean_rate : b->rate[band]};
+        return drift_covariance(&of, 0, 0);
     }
     return 0;
 }

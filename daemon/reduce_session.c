@@ -1,14 +1,13 @@
 #include "daemon/reduce.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const MODES[] = {"fixed", "per_incidence", "every_geometry", "start_end"};
+#include "daemon/session_text.h"
 
 json_t *reduce_setup_to_json(const struct reduce_setup *s) {
-    return json_pack("{s:s, s:f, s:b, s:b, s:[i,i], s:f, s:f, s:f, s:f, s:f}", "mode", MODES[s->mode],
+    return json_pack("{s:s, s:f, s:b, s:b, s:[i,i], s:f, s:f, s:f, s:f, s:f}", "mode", job_mode_name(s->mode),
                      "angular_u_rel", s->angular_u_rel, "beam_in_view", s->beam_in_view, "without_dark",
                      s->without_dark, "mean_nm", s->mean_nm[0], s->mean_nm[1], "drift_rate_prior",
                      s->drift_rate_prior, "stray_light_rel", s->stray_light_rel, "linearity_rel",
@@ -30,39 +29,33 @@ int reduce_setup_from_json(const json_t *json, struct reduce_setup *s, struct er
         return err_set(e, ERR_INPUT, "the setup of the reduction is incomplete: %s", problem.text);
     s->beam_in_view = beam_in_view;
     s->without_dark = without_dark;
-    for (size_t i = 0; i < sizeof MODES / sizeof MODES[0]; i++)
-        if (strcmp(mode, MODES[i]) == 0) {
-            s->mode = (enum job_reference_mode)i;
+    for (int i = REFERENCE_FIXED; i <= REFERENCE_START_END; i++)
+        if (strcmp(mode, job_mode_name(i)) == 0) {
+            s->mode = i;
             return 0;
         }
     return err_set(e, ERR_INPUT, "the setup of the reduction names the unknown reference mode '%s'", mode);
 }
 
-static int text_of(struct session *s, const char *key, char **text, struct err *e) {
-    int rc = session_get_text(s, key, text, e);
-    if (rc == 0 && !*text)
-        rc = err_set(e, ERR_STATE, "the session holds no '%s'; its points cannot be derived again", key);
-    return rc;
+static int absent(const char *key, struct err *e) {
+    return err_set(e, ERR_STATE, "the session holds no '%s'; its points cannot be derived again", key);
 }
 
 static int read_setup_text(struct session *s, struct reduce_setup *setup, struct err *e) {
-    char *text;
-    json_error_t problem;
-    int rc = text_of(s, "reduce_setup", &text, e);
-    if (rc < 0)
-        return rc;
-    json_t *json = json_loads(text, 0, &problem);
-    rc = json ? reduce_setup_from_json(json, setup, e)
-              : err_set(e, ERR_INPUT, "the session's reduce_setup is no JSON: %s", problem.text);
+    json_t *json;
+    int rc = session_text_json(s, "reduce_setup", &json, e);
+    if (rc == 0)
+        rc = json ? reduce_setup_from_json(json, setup, e) : absent("reduce_setup", e);
     json_decref(json);
-    free(text);
     return rc;
 }
 
 static int read_certificate(struct session *s, struct certificate *certificate, struct err *e) {
     char *text;
     struct err_list errors = {0};
-    int rc = text_of(s, "certificate", &text, e);
+    int rc = session_get_text(s, "certificate", &text, e);
+    if (rc == 0 && !text)
+        rc = absent("certificate", e);
     if (rc < 0)
         return rc;
     rc = certificate_read_text("certificate of the session", text, strlen(text), certificate, &errors);

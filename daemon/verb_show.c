@@ -156,15 +156,12 @@ static json_t *real_or_null(double value) {
 }
 
 static int add_point(void *arg, const struct point *p) {
-    double common = 0;
-    for (int k = 0; k < p->n_common; k++)
-        common += p->common[k].mean * p->common[k].mean;
     json_t *one =
         json_pack("{s:I, s:f, s:f, s:b}", "point", (json_int_t)p->id, "theta_i_deg", p->theta_i_udeg / 1e6,
                   "theta_v_deg", p->theta_v_udeg / 1e6, "provisional", p->provisional);
     json_object_set_new(one, "beta", real_or_null(p->mean));
     json_object_set_new(one, "u_ind", real_or_null(p->mean_u_ind));
-    json_object_set_new(one, "u_common", real_or_null(sqrt(common)));
+    json_object_set_new(one, "u_common", real_or_null(session_common_mean(p)));
     return json_array_append_new(arg, one) == 0 ? 0 : -ERR_NOMEM;
 }
 
