@@ -69,3 +69,13 @@ int render_planes(const struct scene *scene, const struct render_options *option
     }
     return status;
 }
+
+int render_whole(const struct scene *scene, const struct render_options *options, struct planes *planes,
+                 struct render_report *report, struct err *e) {
+    int status = render_planes(scene, options, planes, report, e);
+    if (!status && report->counts.rows_done < planes->height) {
+        planes_free(planes);
+        status = err_set(e, ERR_CANCELLED, "interrupted; nothing was written");
+    }
+    return status;
+}

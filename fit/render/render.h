@@ -51,6 +51,9 @@ struct picture { /* rgb[3 * height * width] by rows from the top: codes of 8 or 
 
 int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct render_report *report, struct err *e);
+/* All rows or nothing: -ERR_CANCELLED also where some are done. */
+int render_whole(const struct scene *scene, const struct render_options *options, struct planes *planes,
+                 struct render_report *report, struct err *e);
 /* by_wavelength: 81 sums for each pixel instead of the matrices, which hold the same (colour.h). */
 int render_picture(const struct scene *scene, const struct planes *planes, bool by_wavelength,
                    struct picture *picture, struct err *e);

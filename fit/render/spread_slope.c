@@ -11,12 +11,7 @@ int spread_render(const struct scene *scene, const struct render_options *option
     struct render_options own = *options;
     struct render_report report = {0};
     own.all_features = true;
-    int status = render_planes(scene, &own, planes, &report, e);
-    if (!status && report.counts.rows_done < planes->height) {
-        planes_free(planes);
-        status = err_set(e, ERR_CANCELLED, "interrupted before the uncertainty was known");
-    }
-    return status;
+    return render_whole(scene, &own, planes, &report, e);
 }
 
 /* The parameter of each paint moved up or down; value[paint]: where it stands then. */

@@ -1,14 +1,12 @@
 #include "fit/render/verbs.h"
 
 #include <errno.h>
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "fit/render/bench.h"
-#include "proto/file.h"
 
 static const char help[] =
     "usage: goniorender bench [-o REPORT.md] [--csv ROWS.csv] [--plot PLOT.svg] [--quick]\n"
@@ -28,37 +26,38 @@ struct bench {
     FILE *out, *rows;
 };
 
+static int take_option(int c, void *arg, struct err *e) {
+    struct bench *b = arg;
+    (void)e;
+    switch (c) {
+    case 'o':
+        b->report = optarg;
+        return 0;
+    case 'c':
+        b->csv = optarg;
+        return 0;
+    case 'p':
+        b->plot = optarg;
+        return 0;
+    case 'q':
+        b->size = &quick;
+        return 0;
+    default:
+        return 0;
+    }
+}
+
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct bench *b, struct err *e) {
     static const struct option known[] = {
         {"output", required_argument, NULL, 'o'}, {"csv", required_argument, NULL, 'c'},
         {"plot", required_argument, NULL, 'p'},   {"quick", no_argument, NULL, 'q'},
         {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0}};
-    optind = 1;
-    for (int c; (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        switch (c) {
-        case 'o':
-            b->report = optarg;
-            break;
-        case 'c':
-            b->csv = optarg;
-            break;
-        case 'p':
-            b->plot = optarg;
-            break;
-        case 'q':
-            b->size = &quick;
-            break;
-        case 'h':
-            fputs(help, stdout);
-            return 1;
-        default:
-            return err_set(e, ERR_USAGE, "see goniorender bench --help");
-        }
+    int status = verb_options(argc, argv, known, help, take_option, b, e);
+    if (!status && optind != argc) {
+        status = err_set(e, ERR_USAGE, "'%s' is not expected; see goniorender bench --help", argv[optind]);
     }
-    return optind == argc
-               ? 0
-               : err_set(e, ERR_USAGE, "'%s' is not expected; see goniorender bench --help", argv[optind]);
+    return status;
 }
 
 static void first_line(const char *path, const char *key, char *line, size_t size) {

@@ -1,6 +1,5 @@
 #include "fit/render/verbs.h"
 
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -55,7 +54,8 @@ static int take_top(const char *text, double *top, struct err *e) {
                : err_set(e, ERR_USAGE, "--top is a number above 0, not '%s'", text);
 }
 
-static int take_option(int c, struct comparison *o, struct err *e) {
+static int take_option(int c, void *arg, struct err *e) {
+    struct comparison *o = arg;
     struct half *half = &o->half[c == 'S' || c == 'L'];
     switch (c) {
     case 'o':
@@ -78,7 +78,7 @@ static int take_option(int c, struct comparison *o, struct err *e) {
     case 't':
         return verb_threads(optarg, &o->render.threads, e);
     default:
-        return err_set(e, ERR_USAGE, "see goniorender diff --help");
+        return 0;
     }
 }
 
@@ -95,15 +95,7 @@ static int read_options(int argc, char **argv, struct comparison *o, struct err 
                                           {"threads", required_argument, NULL, 't'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
-    int status = 0;
-    optind = 1;
-    for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        if (c == 'h') {
-            fputs(help, stdout);
-            return 1;
-        }
-        status = take_option(c, o, e);
-    }
+    int status = verb_options(argc, argv, known, help, take_option, o, e);
     int files = argc - optind;
     if (!status && files != 1 && files != 2) {
         return err_set(e, ERR_USAGE, "one or two scenes are needed; see goniorender diff --help");
@@ -134,16 +126,8 @@ static void inherit(struct comparison *o) {
 }
 
 static int read_half(struct half *h, struct err_list *errors, struct err *e) {
-    h->scene = scene_read(h->file, h->session, h->n_sessions, errors);
-    if (!h->scene) {
-        return -ERR_INPUT; /* with every mistake in errors */
-    }
-    if (h->scene->n_pictures > 1) {
-        return err_set(e, ERR_USAGE, "%s is a series of %d pictures; single pictures are compared", h->file,
-                       h->scene->n_pictures);
-    }
-    scene_aim(h->scene, 0);
-    return verb_lights(h->scene, h->spd, h->n_spds, errors, e);
+    h->scene = verb_scene(h->file, h->session, h->n_sessions, "single pictures are compared", errors, e);
+    return h->scene ? verb_lights(h->scene, h->spd, h->n_spds, errors, e) : -ERR_INPUT;
 }
 
 static int render_half(struct comparison *o, int which, struct err *e) {
@@ -153,12 +137,7 @@ static int render_half(struct comparison *o, int which, struct err *e) {
         h->report = o->half[0].report;
         return 0;
     }
-    int status = render_planes(h->scene, &o->render, &h->planes, &h->report, e);
-    if (!status && h->report.counts.rows_done < h->planes.height) {
-        planes_free(&h->planes);
-        status = err_set(e, ERR_CANCELLED, "interrupted; nothing was compared");
-    }
-    return status;
+    return render_whole(h->scene, &o->render, &h->planes, &h->report, e);
 }
 
 static json_t *half_json(const struct half *h, const char *line) {
@@ -223,8 +202,8 @@ static int write_all(const struct comparison *o, const struct difference *d, str
     if (!status && o->values) {
         status = difference_values(o->values, d, origin, e);
     }
-    if (!status && o->report && json_dump_file(json, o->report, JSON_INDENT(1)) != 0) {
-        status = err_set(e, ERR_IO, "the report %s cannot be written", o->report);
+    if (!status && o->report) {
+        status = verb_report(o->report, json, e);
     }
     free(origin);
     json_decref(json);

@@ -1,6 +1,5 @@
 #include "fit/render/verbs.h"
 
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -47,13 +46,14 @@ static int take_exposure(const char *text, struct recolour *o, struct err *e) {
                : err_set(e, ERR_USAGE, "--exposure is a number above 0, not '%s'", text);
 }
 
-static int take_option(int c, struct recolour *o, struct err *e) {
+static int take_option(int c, void *arg, struct err *e) {
+    struct recolour *o = arg;
     static const char *const bits[] = {"8", "16", NULL};
     int status = 0, index;
     switch (c) {
     case 'o':
         o->output = optarg;
-        return 0;
+        return image_known(optarg, e);
     case 'l':
         return verb_spd(optarg, o->spd, &o->n_spds, e);
     case 's':
@@ -71,7 +71,7 @@ static int take_option(int c, struct recolour *o, struct err *e) {
     case 'x':
         return take_exposure(optarg, o, e);
     default:
-        return err_set(e, ERR_USAGE, "see goniorender recolour --help");
+        return 0;
     }
 }
 
@@ -83,21 +83,13 @@ static int read_options(int argc, char **argv, struct recolour *o, struct err *e
         {"space", required_argument, NULL, 'r'},    {"adaptation", required_argument, NULL, 'a'},
         {"exposure", required_argument, NULL, 'x'}, {"bits", required_argument, NULL, 'b'},
         {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
-    int status = 0;
-    optind = 1;
-    for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        if (c == 'h') {
-            fputs(help, stdout);
-            return 1;
-        }
-        status = take_option(c, o, e);
-    }
+    int status = verb_options(argc, argv, known, help, take_option, o, e);
     if (!status && (optind + 1 != argc || !o->output)) {
         return err_set(e, ERR_USAGE,
                        "one PLANES.exr and -o FILE.png are needed; see goniorender recolour --help");
     }
     o->planes = argv[optind];
-    return status ? status : image_known(o->output, e);
+    return status;
 }
 
 static int change_paints(const struct recolour *o, struct scene *scene, struct err *e) {

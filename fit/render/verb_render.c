@@ -1,7 +1,5 @@
 #include "fit/render/verbs.h"
 
-#include <errno.h>
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,6 +37,36 @@ struct options {
     int n_sessions;
 };
 
+static int take_option(int c, void *arg, struct err *e) {
+    struct options *o = arg;
+    switch (c) {
+    case 'o':
+        o->output = optarg;
+        return image_known(optarg, e);
+    case 'r':
+        o->report = optarg;
+        return 0;
+    case 'a':
+        o->render.all_features = true;
+        return 0;
+    case 'p':
+        o->planes = optarg;
+        return 0;
+    case 'S':
+        o->spectral = optarg;
+        return 0;
+    case 'u':
+        o->uncertainty = optarg;
+        return 0;
+    case 's':
+        return verb_session(optarg, o->session, &o->n_sessions, e);
+    case 't':
+        return verb_threads(optarg, &o->render.threads, e);
+    default:
+        return 0;
+    }
+}
+
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
     static const struct option known[] = {
@@ -47,47 +75,13 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
         {"session", required_argument, NULL, 's'},  {"planes", required_argument, NULL, 'p'},
         {"spectral", required_argument, NULL, 'S'}, {"uncertainty", required_argument, NULL, 'u'},
         {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
-    int status = 0;
-    optind = 1;
-    for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        switch (c) {
-        case 'o':
-            o->output = optarg;
-            break;
-        case 'r':
-            o->report = optarg;
-            break;
-        case 'a':
-            o->render.all_features = true;
-            break;
-        case 'p':
-            o->planes = optarg;
-            break;
-        case 'S':
-            o->spectral = optarg;
-            break;
-        case 'u':
-            o->uncertainty = optarg;
-            break;
-        case 's':
-            status = verb_session(optarg, o->session, &o->n_sessions, e);
-            break;
-        case 't':
-            status = verb_threads(optarg, &o->render.threads, e);
-            break;
-        case 'h':
-            fputs(help, stdout);
-            return 1;
-        default:
-            return err_set(e, ERR_USAGE, "see goniorender render --help");
-        }
-    }
+    int status = verb_options(argc, argv, known, help, take_option, o, e);
     if (!status && (optind + 1 != argc || !o->output)) {
         return err_set(e, ERR_USAGE,
                        "one SCENE.yaml and -o FILE.png are needed; see goniorender render --help");
     }
     o->scene = argv[optind];
-    return status ? status : image_known(o->output, e);
+    return status;
 }
 
 static void print_materials(const struct scene *scene) {
@@ -123,13 +117,6 @@ static void print_picture(const struct scene *scene, const struct picture *p, co
         printf("negative diffuse terms, set to 0: %llu of %llu\n",
                (unsigned long long)r->counts.negative_diffuse, (unsigned long long)r->counts.hits);
     }
-}
-
-static int write_report(const char *path, json_t *reports, struct err *e) {
-    json_t *whole = json_array_size(reports) == 1 ? json_array_get(reports, 0) : reports;
-    return json_dump_file(whole, path, JSON_INDENT(1)) == 0
-               ? 0
-               : err_set(e, ERR_IO, "the report %s cannot be written", path);
 }
 
 struct job { /* one call of the command */
@@ -217,8 +204,10 @@ static int render_series(const struct job *job, struct err *e) {
         }
         status = render_one(job, path, e);
     }
-    if (job->options.report && json_array_size(job->reports) > 0) {
-        int written = write_report(job->options.report, job->reports, e);
+    size_t n = json_array_size(job->reports);
+    if (job->options.report && n > 0) {
+        int written =
+            verb_report(job->options.report, n == 1 ? json_array_get(job->reports, 0) : job->reports, e);
         status = status ? status : written;
     }
     return status;

@@ -1,6 +1,5 @@
 #include "fit/render/verbs.h"
 
-#include <getopt.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,7 +49,8 @@ static int take_columns(const char *text, int *columns, struct err *e) {
     return 0;
 }
 
-static int take_option(int c, struct contact *o, struct err *e) {
+static int take_option(int c, void *arg, struct err *e) {
+    struct contact *o = arg;
     switch (c) {
     case 'o':
         o->output = optarg;
@@ -71,7 +71,7 @@ static int take_option(int c, struct contact *o, struct err *e) {
     case 't':
         return verb_threads(optarg, &o->render.threads, e);
     default:
-        return err_set(e, ERR_USAGE, "see goniorender sheet --help");
+        return 0;
     }
 }
 
@@ -82,15 +82,7 @@ static int read_options(int argc, char **argv, struct contact *o, struct err *e)
         {"columns", required_argument, NULL, 'c'}, {"session", required_argument, NULL, 's'},
         {"report", required_argument, NULL, 'r'},  {"threads", required_argument, NULL, 't'},
         {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0}};
-    int status = 0;
-    optind = 1;
-    for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
-        if (c == 'h') {
-            fputs(help, stdout);
-            return 1;
-        }
-        status = take_option(c, o, e);
-    }
+    int status = verb_options(argc, argv, known, help, take_option, o, e);
     if (!status && (optind + 1 != argc || !o->output)) {
         return err_set(e, ERR_USAGE,
                        "one scene or file of planes and -o FILE.png are needed; see goniorender "
@@ -114,20 +106,8 @@ static int find_lights(struct contact *o, struct err_list *errors, struct err *e
 }
 
 static int trace_scene(struct contact *o, struct err_list *errors, struct err *e) {
-    o->scene = scene_read(o->input, o->session, o->n_sessions, errors);
-    if (!o->scene) {
-        return -ERR_INPUT; /* with every mistake in errors */
-    }
-    if (o->scene->n_pictures > 1) {
-        return err_set(e, ERR_USAGE, "%s is a series of %d pictures; a sheet shows one", o->input,
-                       o->scene->n_pictures);
-    }
-    scene_aim(o->scene, 0);
-    int status = render_planes(o->scene, &o->render, &o->planes, &o->traced, e);
-    if (!status && o->traced.counts.rows_done < o->planes.height) {
-        status = err_set(e, ERR_CANCELLED, "interrupted; nothing was written");
-    }
-    return status;
+    o->scene = verb_scene(o->input, o->session, o->n_sessions, "a sheet shows one", errors, e);
+    return o->scene ? render_whole(o->scene, &o->render, &o->planes, &o->traced, e) : -ERR_INPUT;
 }
 
 static int find_planes(struct contact *o, struct err_list *errors, struct err *e) {
@@ -164,8 +144,8 @@ static int write_sheet(const struct contact *o, const struct sheet *s, struct er
     char *origin = json ? json_dumps(json, JSON_COMPACT) : NULL;
     int status = origin ? image_write(o->output, &s->picture, origin, e)
                         : err_set(e, ERR_NOMEM, "no memory for the origin");
-    if (!status && o->report && json_dump_file(json, o->report, JSON_INDENT(1)) != 0) {
-        status = err_set(e, ERR_IO, "the report %s cannot be written", o->report);
+    if (!status && o->report) {
+        status = verb_report(o->report, json, e);
     }
     if (!status) {
         printf("sheet:    %s, %d columns, %d rows\n", o->output, s->columns, s->rows);

@@ -38,6 +38,20 @@ int verb_complain_all(struct err_list *errors) {
     return 2;
 }
 
+int verb_options(int argc, char **argv, const struct option *known, const char *help,
+                 int (*take)(int option, void *arg, struct err *e), void *arg, struct err *e) {
+    int status = 0;
+    optind = 1;
+    for (int c; !status && (c = getopt_long(argc, argv, "o:", known, NULL)) != -1;) {
+        if (c == 'h') {
+            fputs(help, stdout);
+            return 1;
+        }
+        status = c == '?' ? err_set(e, ERR_USAGE, "see goniorender %s --help", argv[0]) : take(c, arg, e);
+    }
+    return status;
+}
+
 char *verb_line(int argc, char **argv) {
     size_t size = sizeof "goniorender";
     for (int i = 0; i < argc; i++) {
@@ -80,6 +94,23 @@ int verb_spd(const char *text, const char *spd[SCENE_LIGHTS], int *n, struct err
     }
     spd[(*n)++] = text;
     return 0;
+}
+
+struct scene *verb_scene(const char *path, const struct scene_session *session, int n_sessions,
+                         const char *wants, struct err_list *errors, struct err *e) {
+    struct scene *scene = scene_read(path, session, n_sessions, errors);
+    if (scene && scene->n_pictures > 1) {
+        err_set(e, ERR_USAGE, "%s is a series of %d pictures; %s", path, scene->n_pictures, wants);
+        scene_free(scene);
+        return NULL;
+    }
+    return scene;
+}
+
+int verb_report(const char *path, const json_t *json, struct err *e) {
+    return json_dump_file(json, path, JSON_INDENT(1)) == 0
+               ? 0
+               : err_set(e, ERR_IO, "the report %s cannot be written", path);
 }
 
 int verb_lights(struct scene *scene, const char *const *spd, int n, struct err_list *errors, struct err *e) {

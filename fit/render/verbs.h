@@ -8,6 +8,7 @@
 #ifndef FIT_RENDER_VERBS_H
 #define FIT_RENDER_VERBS_H
 
+#include <getopt.h>
 #include <signal.h>
 
 #include <jansson.h>
@@ -25,6 +26,10 @@ int verb_complain(const char *command, const struct err *e);
 int verb_complain_all(struct err_list *errors); /* prints, frees */
 /* Becomes 1 at the first SIGINT or SIGTERM after the call; the second ends the process. */
 const volatile sig_atomic_t *verb_cancel(void);
+/* The options of a subcommand: each goes to take, with its argument in optarg; `h` prints help, and 1 is returned.
+ * optind then counts the words up to the first that is no option. */
+int verb_options(int argc, char **argv, const struct option *known, const char *help,
+                 int (*take)(int option, void *arg, struct err *e), void *arg, struct err *e);
 /* The words as one line, as a person would type them; malloc. */
 char *verb_line(int argc, char **argv);
 /* One word MATERIAL=FILE of the command line, which it cuts at its first `=`. */
@@ -33,8 +38,13 @@ int verb_session(char *text, struct scene_session session[SCENE_PAINTS], int *n,
 void verb_numbered(const char *path, int number, char *out, size_t size);
 /* --spd given once more. */
 int verb_spd(const char *text, const char *spd[SCENE_LIGHTS], int *n, struct err *e);
+/* A scene of one picture; wants: what cannot be done with a series. NULL: e says why, or errors every mistake of it. */
+struct scene *verb_scene(const char *path, const struct scene_session *session, int n_sessions,
+                         const char *wants, struct err_list *errors, struct err *e);
 /* The first n spectra of the scene's lights become these. */
 int verb_lights(struct scene *scene, const char *const *spd, int n, struct err_list *errors, struct err *e);
+/* What --report asks for. */
+int verb_report(const char *path, const json_t *json, struct err *e);
 int verb_threads(const char *text, int *threads, struct err *e);
 /* The uncertainty of the picture of a scene as an EXR, its figures into origin["uncertainty"]. */
 int verb_uncertainty(const char *path, const struct scene *scene, const struct render_options *options,
