@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/render/place.h"
 #include "fit/render/scene_keys.h"
 #include "proto/file.h"
 #include "proto/spectrum.h"
@@ -34,14 +35,6 @@ static void complain(struct check *c, const char *path, const char *format, ...)
     err_list_add(c->errors, &e);
 }
 
-static void join(char *path, size_t size, const char *folder, const char *name) {
-    if (name[0] == '/') {
-        snprintf(path, size, "%s", name);
-    } else {
-        snprintf(path, size, "%s/%s", folder, name);
-    }
-}
-
 /* Exactly one kind must be given; its index, or -1. */
 static int only_kind(struct check *c, const char *path, const bool *given, int kinds) {
     int found = -1, n = 0;
@@ -60,8 +53,8 @@ static int only_kind(struct check *c, const char *path, const bool *given, int k
 
 static int read_spectrum(struct check *c, const struct scene_material *m, struct estimate *estimate) {
     struct spectrum spectrum;
-    char path[1024];
-    join(path, sizeof path, c->scene->folder, m->spectrum);
+    char path[PLACE_MAX];
+    place_of(path, c->scene->folder, m->spectrum);
     int status = spectrum_read_file(path, &spectrum, c->errors);
     for (int k = 0; k < BANDS && !status; k++) {
         estimate->s_lambda[k] = spectrum.value[k];
@@ -109,7 +102,7 @@ static const char *instead(const struct check *c, const char *material) {
 static void material_of_session(struct check *c, int i) {
     const struct scene_material *m = &c->scene->material[i];
     const char *other = instead(c, m->name);
-    char at[96], path[1024];
+    char at[96], path[PLACE_MAX];
     struct err e = {0};
     snprintf(at, sizeof at, "materials[%d].session", i);
     if (m->spectrum[0] || m->has_uniform) {
@@ -118,7 +111,7 @@ static void material_of_session(struct check *c, int i) {
     if (other) {
         snprintf(path, sizeof path, "%s", other);
     } else {
-        join(path, sizeof path, c->scene->folder, m->session);
+        place_of(path, c->scene->folder, m->session);
     }
     if (paint_from_session(&c->scene->paint[i], path, &e)) {
         complain(c, at, "%.400s", e.text);

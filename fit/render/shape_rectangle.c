@@ -1,10 +1,9 @@
 #include "fit/render/shape.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define PLACE_MAX 1024
+#include "fit/render/place.h"
 
 /* Where a ray meets the plane z = 0 from its front, in the rectangle's own coordinates from its centre. */
 static bool meet(const struct shape *s, double half_width, double half_height, const struct ray *ray,
@@ -110,23 +109,19 @@ static int fill_mask(struct shape *s, const char *path, const struct raster *ras
     return 0;
 }
 
-static void join(char path[PLACE_MAX], const char *folder, const char *name) {
-    snprintf(path, PLACE_MAX, "%s%s%s", name[0] == '/' ? "" : folder, name[0] == '/' ? "" : "/", name);
-}
-
 int shape_rectangle_prepare(struct shape *s, const char *folder, struct err *e) {
     struct shape_rectangle *r = &s->rectangle;
     struct raster raster = {0};
     char path[PLACE_MAX];
     int status = 0;
     if (r->mask_file[0]) {
-        join(path, folder, r->mask_file);
+        place_of(path, folder, r->mask_file);
         status = raster_read(path, &raster, e);
         status = status ? status : fill_mask(s, path, &raster, e);
         raster_free(&raster);
     }
     if (!status && r->relief_file[0] && r->relief_mm > 0) { /* a relief of no height is not even read */
-        join(path, folder, r->relief_file);
+        place_of(path, folder, r->relief_file);
         status = raster_read(path, &raster, e);
         status =
             status ? status : relief_make(&r->relief, &raster, r->width_mm, r->height_mm, r->relief_mm, e);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "fit/render/cie.h"
+#include "fit/render/place.h"
 #include "proto/number.h"
 #include "proto/spectrum.h"
 
@@ -34,10 +35,10 @@ int spd_daylight(struct spd *spd, double cct_k, struct err *e) {
 
 static int from_file(struct spd *spd, const char *name, const char *folder, struct err_list *errors,
                      struct err *e) {
-    char path[1024];
+    char path[PLACE_MAX];
     struct spectrum spectrum;
     bool dark = true;
-    snprintf(path, sizeof path, "%s%s%s", name[0] == '/' ? "" : folder, name[0] == '/' ? "" : "/", name);
+    place_of(path, folder, name);
     if (spectrum_read_file(path, &spectrum, errors)) {
         return -ERR_INPUT;
     }
