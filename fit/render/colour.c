@@ -98,6 +98,14 @@ void colour_sum(const double radiance[BANDS], enum colour_observer observer, dou
     }
 }
 
+void colour_scale_power(const double power[BANDS], enum colour_observer observer, double scaled[BANDS]) {
+    double xyz[3];
+    colour_sum(power, observer, xyz);
+    for (int k = 0; k < BANDS; k++) {
+        scaled[k] = power[k] / xyz[1];
+    }
+}
+
 void colour_apply(const struct colour_matrix *m, const double in[3], double out[3]) {
     double x = in[0], y = in[1], z = in[2];
     for (int i = 0; i < 3; i++) {

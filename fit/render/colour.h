@@ -45,6 +45,8 @@ int colour_collapse(const double s[BANDS], const double power[BANDS], enum colou
                     struct colour_matrix *matrix, struct err *e);
 /* XYZ of a whole spectrum of radiance factors times E: the sum that the collapse replaces. */
 void colour_sum(const double radiance[BANDS], enum colour_observer observer, double xyz[3]);
+/* So that the sum of scaled times ybar is 1. */
+void colour_scale_power(const double power[BANDS], enum colour_observer observer, double scaled[BANDS]);
 struct colour_matrix colour_adapt(enum colour_adaptation adaptation, const double from[3],
                                   const double to[3]);
 struct colour_matrix colour_from_xyz(enum colour_space space); /* linear RGB of XYZ */

@@ -59,16 +59,6 @@ static void fill_row(void *arg, int y, float *const *row) {
     }
 }
 
-static void scale_powers(struct spectral *s) {
-    for (int j = 0; j < s->scene->n_spds; j++) {
-        double xyz[3];
-        colour_sum(s->scene->spd[j].power, (enum colour_observer)s->scene->image.observer, xyz);
-        for (int k = 0; k < BANDS; k++) {
-            s->power[j][k] = s->scene->spd[j].power[k] / xyz[1];
-        }
-    }
-}
-
 int spectral_save(const char *path, const struct scene *scene, const struct planes *planes,
                   const char *origin_json, struct err *e) {
     struct spectral s = {.scene = scene, .planes = planes};
@@ -86,7 +76,9 @@ int spectral_save(const char *path, const struct scene *scene, const struct plan
         return status;
     }
     s.rgb = white_display(scene, COLOUR_SRGB, white);
-    scale_powers(&s);
+    for (int j = 0; j < scene->n_spds; j++) {
+        colour_scale_power(scene->spd[j].power, (enum colour_observer)scene->image.observer, s.power[j]);
+    }
     for (int k = 0; k < BANDS; k++) {
         spectral_channel(k, channel[k], EXR_NAME_MAX);
     }

@@ -88,16 +88,6 @@ struct making { /* of one paint */
     const double (*cmf)[3];
 };
 
-static void scale_powers(struct making *m) {
-    for (int j = 0; j < m->scene->n_spds; j++) {
-        double xyz[3];
-        colour_sum(m->scene->spd[j].power, (enum colour_observer)m->scene->image.observer, xyz);
-        for (int k = 0; k < BANDS; k++) {
-            m->power[j][k] = m->scene->spd[j].power[k] / xyz[1];
-        }
-    }
-}
-
 static double *basis_at(const struct spread_paint *p, int set, int kind, int axis) {
     return p->basis + (size_t)((set * SPREAD_KINDS + kind) * 3 + axis) * (size_t)p->rank;
 }
@@ -217,8 +207,8 @@ int spread_paint_make(const struct scene *scene, int paint, const struct joint *
         .scene = scene, .paint = &scene->paint[paint], .joint = joint, .out = p, .cmf = colour_cmf(observer)};
     int status = 0;
     *p = (struct spread_paint){.sets = scene->n_spds};
-    scale_powers(&m);
     for (int j = 0; j < scene->n_spds && !status; j++) {
+        colour_scale_power(scene->spd[j].power, observer, m.power[j]);
         status = colour_collapse(m.paint->s, scene->spd[j].power, observer, &p->best[j], e);
     }
     if (!status && joint && strcmp(joint->model, m.paint->estimate.model) != 0) {
