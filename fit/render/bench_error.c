@@ -74,10 +74,8 @@ static int fill_half(const struct trace *trace, int grid, int half, struct refer
 }
 
 static int make_reference(const struct scene *scene, int grid, struct reference *r, struct err *e) {
-    struct features all;
     struct shade_half(*half)[SCENE_LIGHTS] = calloc(SCENE_PAINTS, sizeof *half);
     struct trace trace = {.scene = scene,
-                          .features = &all,
                           .shadow_rays = true,
                           .dark_lights = true,
                           .half = half,
@@ -86,7 +84,6 @@ static int make_reference(const struct scene *scene, int grid, struct reference 
     r->half[0] = malloc(3 * (size_t)r->n * sizeof(double));
     r->half[1] = malloc(3 * (size_t)r->n * sizeof(double));
     r->shown = calloc((size_t)r->n, 1);
-    features_find(scene, true, &all);
     int status =
         half && r->half[0] && r->half[1] && r->shown ? 0 : err_set(e, ERR_NOMEM, "no memory for a reference");
     status = status ? status : fill_half(&trace, grid, 0, r, e);

@@ -46,7 +46,7 @@ int bench_recolour(const char *folder, const struct bench_size *size, struct ben
         scene && row ? render_planes(scene, &(struct render_options){0}, &planes, &report, e) : -ERR_NOMEM;
     for (int i = 0; i < 3 * size->repeats && !status; i++) {
         struct colour_matrix m;
-        struct picture picture;
+        struct picture picture = {0};
         double started = stopwatch_s();
         status = colour_collapse(scene->paint[0].s, scene->spd[0].power, COLOUR_2DEG, &m, e);
         tint_rows(&planes, &m, row);

@@ -45,7 +45,6 @@ int render_planes(const struct scene *scene, const struct render_options *option
         }
     }
     struct trace trace = {.scene = scene,
-                          .features = &report->features,
                           .shade_features = shade_mask(&report->features),
                           .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
                           .dark_lights = kept(&report->features, FEATURE_LIGHTS),

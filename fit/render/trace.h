@@ -14,7 +14,6 @@
 
 struct trace { /* what the integrator may read; prepared once, shared by all threads */
     const struct scene *scene;
-    const struct features *features;
     unsigned shade_features;
     bool shadow_rays, dark_lights;
     struct shade_half (*half)[SCENE_LIGHTS]; /* [paint][light], of parallel light and a parallel camera */
