@@ -19,7 +19,8 @@ struct fit_point {
         double mean;
     } common[POINT_COMMON_MAX];
     double (*band)[BANDS]; /* [n_common] change of each band; NAN = missing */
-    char *json;            /* as the question holds it; written once */
+    char *json;            /* as the final question holds it, but for its end; written once */
+    int online;            /* of it: what an online question holds */
 };
 
 struct fit_bracket {
@@ -83,7 +84,8 @@ static void put_bands(FILE *out, const double *value) {
     fputc(']', out);
 }
 
-static char *point_json(const struct fit_points *f, const struct point *p) {
+/* The covariances of neighbouring bands come last: the joint fit alone asks for them, at the end. */
+static char *point_json(const struct fit_points *f, const struct point *p, int *online) {
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
@@ -98,9 +100,9 @@ static char *point_json(const struct fit_points *f, const struct point *p) {
     put_bands(out, p->beta);
     fputs(",\"bands_u\":", out);
     put_bands(out, p->u_ind);
+    *online = (int)ftell(out);
     fputs(",\"bands_cov_next\":", out);
     put_bands(out, p->cov_next);
-    fputc('}', out);
     return fclose(out) == 0 ? text : (free(text), NULL);
 }
 
@@ -156,7 +158,7 @@ int fit_points_add(struct fit_points *f, const struct point *p) {
         if (to->common[i].cause < 0)
             return -ERR_NOMEM;
     }
-    to->json = to->usable ? point_json(f, p) : NULL;
+    to->json = to->usable ? point_json(f, p, &to->online) : NULL;
     return to->usable && !to->json ? -ERR_NOMEM : 0;
 }
 
@@ -200,8 +202,10 @@ static int choose(struct question *q) {
 
 static void put_points(FILE *out, const struct question *q) {
     fputs("\"points\":[", out);
-    for (int i = 0; i < q->n; i++)
-        fprintf(out, "%s%s", i ? "," : "", q->f->point[q->use[i]].json);
+    for (int i = 0; i < q->n; i++) {
+        const struct fit_point *p = &q->f->point[q->use[i]];
+        fprintf(out, "%s%.*s}", i ? "," : "", q->final ? -1 : p->online, p->json);
+    }
     fputc(']', out);
 }
 
@@ -287,14 +291,6 @@ static void put_list(FILE *out, const struct question *q, int bracket, const cha
     fputs("],", out);
 }
 
-static void put_bracket(FILE *out, const struct question *q, int number, double length_us, double rate) {
-    fputc('{', out);
-    put_list(out, q, number, "bracket_points", 0);
-    put_list(out, q, number, "tau_us", 1);
-    put_list(out, q, number, "tau_r_us", 2);
-    fprintf(out, "\"T_us\":%.17g,\"rate\":%.17g}", length_us, rate);
-}
-
 static bool has_points(const struct question *q, int bracket) {
     for (int i = 0; i < q->n; i++)
         if (q->f->point[q->use[i]].bracket == bracket)
@@ -302,22 +298,26 @@ static bool has_points(const struct question *q, int bracket) {
     return false;
 }
 
+/* One that has points; *glue goes before it. */
+static void put_bracket(FILE *out, const struct question *q, const struct fit_bracket *b, const char **glue) {
+    if (!has_points(q, b->number))
+        return;
+    fprintf(out, "%s{", *glue);
+    put_list(out, q, b->number, "bracket_points", 0);
+    put_list(out, q, b->number, "tau_us", 1);
+    put_list(out, q, b->number, "tau_r_us", 2);
+    fprintf(out, "\"T_us\":%.17g,\"rate\":%.17g}", b->length_us, b->rate);
+    *glue = ",";
+}
+
 static void put_drift(FILE *out, const struct question *q) {
-    const char *comma = "";
+    const char *glue = "";
     struct bracket open;
     fputs(",\"drift\":[", out);
-    for (int b = 0; b < q->f->n_brackets; b++) {
-        const struct fit_bracket *k = &q->f->bracket[b];
-        if (!has_points(q, k->number))
-            continue;
-        fputs(comma, out);
-        put_bracket(out, q, k->number, k->length_us, k->rate);
-        comma = ",";
-    }
-    if (reducer_open_bracket(q->reducer, &open) && has_points(q, open.number)) {
-        fputs(comma, out);
-        put_bracket(out, q, open.number, 0, open.mean_rate);
-    }
+    for (int b = 0; b < q->f->n_brackets; b++)
+        put_bracket(out, q, &q->f->bracket[b], &glue);
+    if (reducer_open_bracket(q->reducer, &open))
+        put_bracket(out, q, &(struct fit_bracket){open.number, 0, open.mean_rate}, &glue);
     fputc(']', out);
 }
 
