@@ -18,12 +18,9 @@ static const char *const COLOURS[] = {"#332288", "#88ccee", "#117733", "#ddcc77"
                                       "#aa4499", "#44aa99", "#882255", "#999933", "#661100"};
 #define COLOUR(k) COLOURS[(k) % (int)(sizeof COLOURS / sizeof *COLOURS)]
 
-int plot_columns(int panels) {
-    return panels < 2 ? 1 : 2;
-}
-
-int plot_rows(int panels) {
-    return (panels + plot_columns(panels) - 1) / plot_columns(panels);
+void plot_panels(struct figure *f, int n) {
+    int columns = n < 2 ? 1 : 2, rows = (n + columns - 1) / columns;
+    figure_panels(f, rows, columns, PANEL_WIDTH * columns, PANEL_HEIGHT * rows);
 }
 
 const char *plot_title(const struct dataset *d, char *buffer, size_t size) {
@@ -33,11 +30,6 @@ const char *plot_title(const struct dataset *d, char *buffer, size_t size) {
     snprintf(text, sizeof text, "%s%s%s%s%s%s", d->sample[0] ? d->sample : d->name, d->paint[0] ? ": " : "",
              d->paint, d->support[0] ? ", " : "", d->support, water);
     return figure_label(text, buffer, size);
-}
-
-static void panels(struct figure *f, int n) {
-    figure_panels(f, plot_rows(n), plot_columns(n), PANEL_WIDTH * plot_columns(n),
-                  PANEL_HEIGHT * plot_rows(n));
 }
 
 /* ---- spectra_i40 ---- */
@@ -89,7 +81,7 @@ static int plot_spectra(const struct plot_set *set, bool *drawn, struct err *e) 
     int rc = figure_begin(&f, set->dir, "spectra_i40", "sample,theta_i_deg,theta_v_deg,lambda_nm,beta,u", e);
     if (rc != 0)
         return rc;
-    panels(&f, set->n);
+    plot_panels(&f, set->n);
     for (int i = 0; i < set->n; i++)
         spectra_panel(&f, &set->data[i]);
     *drawn = true;
@@ -184,7 +176,7 @@ static int plot_fit(const struct plot_set *set, bool *drawn, struct err *e) {
     int rc = figure_begin(&f, set->dir, "fit", "sample,kind,theta_i_deg,theta_v_deg,beta,u,model,u_model", e);
     if (rc != 0)
         return rc;
-    panels(&f, n);
+    plot_panels(&f, n);
     for (int i = 0; i < set->n; i++)
         if (set->data[i].has_estimate)
             fit_panel(&f, &set->data[i]);

@@ -17,6 +17,8 @@
 
 #include "daemon/dataset.h"
 
+struct figure; /* proto/figure.h */
+
 struct plot_set {
     const char *dir;
     const char *const *path; /* of each session, for goniofit */
@@ -32,8 +34,7 @@ struct plot_kind {
 extern const struct plot_kind PLOT_KINDS[]; /* ends with name == NULL */
 
 /* Shared by the figures. */
-int plot_columns(int panels);
-int plot_rows(int panels);
+void plot_panels(struct figure *f, int n); /* n panels of the usual size, two in a row */
 const char *plot_title(const struct dataset *d, char *buffer,
                        size_t size); /* "hg60: Hooker's Green, paper, 60 % water" */
 int plot_residual(const struct plot_set *set, bool *drawn, struct err *e);

@@ -1,17 +1,13 @@
 /* What each model leaves unexplained, as the paper argues from it: relative residuals of four models on the same data. */
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
-#include <spawn.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "daemon/estimator.h"
-#include "proto/figure.h"
 #include "daemon/plot.h"
+#include "proto/figure.h"
+#include "proto/process.h"
 #include "proto/units.h"
 
 #define BETA_FLOOR .005 /* of the relative residual: measurement.md 10 */
@@ -20,42 +16,27 @@ static const char *const MODELS[] = {"lambert", "oren-nayar", "eq1", "composite"
 static const char *const COLOURS[] = {"#bbbbbb", "#ddcc77", "#88ccee", "#882255"};
 #define N_MODELS ((int)(sizeof MODELS / sizeof *MODELS))
 
-extern char **environ;
-
-/* Runs `goniofit fit PATH --model MODEL --json` and takes what it prints; what it complains of is for the user. */
-static int run_goniofit(const char *path, const char *model, int out, struct err *e) {
+/* `goniofit fit PATH --model MODEL --json`; what it complains of is for the user. */
+static int fit(const char *path, const char *model, struct estimate *m, struct err *e) {
     char program[512];
+    struct err why = {0};
     int rc = estimator_program(NULL, program, sizeof program, e);
     if (rc != 0)
         return rc;
-    char *argv[] = {program, "fit", (char *)path, "--model", (char *)model, "--json", NULL};
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, out, STDOUT_FILENO);
-    pid_t pid;
-    int status = 0;
-    rc = posix_spawn(&pid, program, &actions, NULL, argv, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    if (rc != 0)
-        return err_errno(e, ERR_FIT, rc, "cannot run %s", program);
-    return waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0
-               ? 0
-               : err_set(e, ERR_FIT, "goniofit could not fit %s", path);
-}
-
-static int fit(const char *path, const char *model, struct estimate *m, struct err *e) {
-    char where[] = "/tmp/goniod-fit-XXXXXX";
-    int out = mkstemp(where);
-    if (out < 0)
-        return err_errno(e, ERR_IO, errno, "cannot make a file for the fits in /tmp");
-    unlink(where);
-    int rc = run_goniofit(path, model, out, e);
-    json_t *answer = rc == 0 && lseek(out, 0, SEEK_SET) == 0 ? json_loadfd(out, 0, NULL) : NULL;
+    const char *const argv[] = {program, "fit", path, "--model", model, "--json", NULL};
+    FILE *out = tmpfile();
+    if (!out) {
+        int saved = errno;
+        return err_errno(e, ERR_IO, saved, "cannot make a temporary file for the fits");
+    }
+    if (process_run(argv, fileno(out), &why) < 0)
+        rc = err_set(e, ERR_FIT, "goniofit could not fit %s: %.200s", path, why.text);
+    json_t *answer = rc == 0 && lseek(fileno(out), 0, SEEK_SET) == 0 ? json_loadf(out, 0, NULL) : NULL;
     if (rc == 0)
         rc = answer ? estimate_from_json(answer, m, e)
                     : err_set(e, ERR_FIT, "goniofit's answer for %s is not JSON", path);
     json_decref(answer);
-    close(out);
+    fclose(out);
     return rc;
 }
 
@@ -116,8 +97,7 @@ int plot_residual(const struct plot_set *set, bool *drawn, struct err *e) {
                           "sample,model,theta_i_deg,theta_v_deg,beta,u,fitted,residual,relative", e);
     if (rc != 0)
         return rc;
-    figure_panels(&f, plot_rows(set->n), plot_columns(set->n), 440 * plot_columns(set->n),
-                  330 * plot_rows(set->n));
+    plot_panels(&f, set->n);
     for (int i = 0; rc == 0 && i < set->n; i++)
         rc = panel(&f, &set->data[i], set->path[i], e);
     *drawn = true;
