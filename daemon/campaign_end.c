@@ -2,9 +2,6 @@
  * sessions. Abort and interrupt have ordered the axes to stop before this is reached (campaign_queue.c). */
 #include "daemon/campaign_private.h"
 
-/* A drive that does not come to rest in this time is reported, not waited for. */
-#define STANDSTILL_US (10 * US_PER_S)
-
 int campaign_park(struct campaign *c, struct err *e) {
     int result = campaign_owed_darks(c, c->step, e);
     if (result < 0)
@@ -16,7 +13,7 @@ int campaign_park(struct campaign *c, struct err *e) {
 }
 
 void campaign_await_standstill(struct campaign *c) {
-    int64_t until_us = clock_now_us(c->clock) + STANDSTILL_US;
+    int64_t until_us = clock_now_us(c->clock) + CAMPAIGN_STANDSTILL_US;
     if (bench_wait(c->bench, until_us, stage_standstill, &c->instruments.stage, &c->cancel) != BENCH_DONE)
         campaign_warn(c, "not every axis has been seen to stand still: look before you touch the stage");
 }

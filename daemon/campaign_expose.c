@@ -1,5 +1,5 @@
 /* One set of scans: exposure time, dark, lamp, scans, and shorter again while it saturates. Exposure times come from
- * a ladder of octaves, so that few darks are needed. What one set of a surface showed chooses the time of the next. */
+ * a ladder of quarter octaves, so that few darks are needed. What one set of a surface showed chooses the time of the next. */
 #include "daemon/campaign_private.h"
 
 #include <math.h>
@@ -10,7 +10,7 @@
 #define LADDER 1.189207115002721 /* 2^(1/4): a set within 16 % of what was aimed at, and darks are shared */
 #define NEAR_LOW 0.8             /* of the target: less loses light */
 #define NEAR_HIGH 1.08           /* of the target: more comes near saturation at the usual target of 0.8 */
-#define PROBE_TRIES 12           /* the ladder from 4 ms to 5 s has 11 rungs */
+#define PROBE_TRIES 12           /* by 16 a time the whole range of a spectrometer takes 6 */
 #define PROBE_SEEN 0.02  /* a peak above this share of saturation is known well enough to extrapolate */
 #define UNDEREXPOSED 8   /* a set this many times below the target is taken again longer */
 #define GROWTH_MAX 4     /* towards a mirror peak the signal rises from view to view */
@@ -21,10 +21,9 @@
 
 /* The longest time of the ladder that is not above the one wanted: LADDER^n of the shortest, or the limit itself. */
 static int rung(const struct campaign *c, double wanted_us) {
-    const struct spectrometer_model *model = c->instruments.model;
-    double low = fmax(c->job->exposure.min_ms * US_PER_MS, model->min_exposure_us);
-    double high = fmin(c->job->exposure.max_ms * US_PER_MS, model->max_exposure_us);
-    double us = low;
+    double limit[2];
+    plan_exposure_limits_us(c->job, c->instruments.model, limit);
+    double us = limit[0], high = limit[1];
     while (us * LADDER <= wanted_us && us * LADDER <= high)
         us *= LADDER;
     if (us * LADDER > high && wanted_us >= high)
@@ -189,7 +188,7 @@ static struct dark *dark_of(struct campaign *c, int exposure_us, int n_scans) {
     for (int i = 0; i < c->n_darks; i++)
         if (c->dark[i].exposure_us == exposure_us && c->dark[i].n_scans == n_scans)
             return &c->dark[i];
-    /* The oldest place serves again when all are taken: that exposure time is then measured anew. */
+    /* There is always a place (CAMPAIGN_DARKS); were there none, another time would be measured anew. */
     struct dark *d = &c->dark[c->n_darks < CAMPAIGN_DARKS ? c->n_darks++ : c->last_bracket % CAMPAIGN_DARKS];
     *d = (struct dark){.exposure_us = exposure_us, .n_scans = n_scans};
     for (int i = 0; i < JOB_SAMPLES; i++)

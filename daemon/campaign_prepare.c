@@ -6,7 +6,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#define STANDSTILL_US (10 * US_PER_S)
 #define FIRST_STATUS_US (5 * US_PER_S) /* a drive that has not answered once by then is absent */
 #define DRIFT_RATE_PRIOR                                                                                     \
     1e-9 /* relative variance per second: 0.1 % in 1000 s, a halogen lamp on a good supply */
@@ -171,18 +170,28 @@ int campaign_ready_spectrometer(struct campaign *c, struct err *e) {
     return result;
 }
 
-static bool have_answered(void *arg) {
-    const struct campaign *c = arg;
+/* NULL: no motor, or none that this plan uses. */
+static struct axis *motor(const struct campaign *c, enum stage_axis which) {
+    struct axis *axis = c->instruments.stage.axis[which];
+    return c->plan->uses[which] && axis && axis_config(axis)->kind == AXIS_MOTOR ? axis : NULL;
+}
+
+/* The first that has not answered yet; -1: all have. */
+static int silent_motor(const struct campaign *c) {
     for (int a = 0; a < STAGE_AXES; a++) {
-        const struct axis *axis = c->instruments.stage.axis[a];
+        const struct axis *axis = motor(c, a);
         struct axis_status s;
-        if (!c->plan->uses[a] || !axis || axis_config(axis)->kind != AXIS_MOTOR)
+        if (!axis)
             continue;
         axis_status(axis, &s);
         if (!s.connected || s.read_us == INT64_MIN)
-            return false;
+            return a;
     }
-    return true;
+    return -1;
+}
+
+static bool have_answered(void *arg) {
+    return silent_motor(arg) < 0;
 }
 
 /* An order of a goniod that was killed may still be under way: nothing that turns is left to itself. */
@@ -191,8 +200,8 @@ static int await_standstill(struct campaign *c, struct err *e) {
     if (stage_standstill(stage))
         return 0;
     stage_order_stop(stage);
-    int result =
-        bench_wait(c->bench, clock_now_us(c->clock) + STANDSTILL_US, stage_standstill, stage, &c->cancel);
+    int result = bench_wait(c->bench, clock_now_us(c->clock) + CAMPAIGN_STANDSTILL_US, stage_standstill,
+                            stage, &c->cancel);
     if (result == BENCH_DONE)
         return 0;
     return result < 0 ? err_set(e, -result, "stopped while waiting for the axes")
@@ -206,27 +215,20 @@ static int await_axes(struct campaign *c, struct err *e) {
         return await_standstill(c, e);
     if (result < 0)
         return err_set(e, -result, "stopped while waiting for the axes");
-    for (int a = 0; a < STAGE_AXES; a++) {
-        const struct axis *axis = c->instruments.stage.axis[a];
-        struct axis_status s;
-        if (!c->plan->uses[a] || !axis || axis_config(axis)->kind != AXIS_MOTOR)
-            continue;
-        axis_status(axis, &s);
-        if (!s.connected || s.read_us == INT64_MIN)
-            return err_set(
-                e, ERR_LINK,
-                "the %s axis (unit %d on %s) does not answer: is it powered, and its number right?",
-                stage_axis_name(a), instruments_axis(c->setup.config, a)->unit,
-                instruments_axis(c->setup.config, a)->link);
-    }
-    return err_set(e, ERR_LINK, "an axis does not answer");
+    int silent = silent_motor(c);
+    if (silent < 0)
+        return await_standstill(c, e);
+    const struct config_axis *axis = instruments_axis(c->setup.config, silent);
+    return err_set(e, ERR_LINK,
+                   "the %s axis (unit %d on %s) does not answer: is it powered, and its number right?",
+                   stage_axis_name(silent), axis->unit, axis->link);
 }
 
 int campaign_home_where_needed(struct campaign *c, struct err *e) {
     for (int a = 0; a < STAGE_AXES; a++) {
-        struct axis *axis = c->instruments.stage.axis[a];
+        const struct axis *axis = motor(c, a);
         struct axis_status s;
-        if (!c->plan->uses[a] || !axis || axis_config(axis)->kind != AXIS_MOTOR)
+        if (!axis)
             continue;
         axis_status(axis, &s);
         if (s.valid)

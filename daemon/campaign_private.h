@@ -92,7 +92,9 @@ int campaign_hold_for_samples(struct campaign *c, struct err *e);     /* of a jo
 int campaign_hold_for_step(struct campaign *c, int k, struct err *e); /* mounting and turning by hand */
 
 /* campaign_end.c */
-/* Waits, for a bounded time, until every axis is seen to stand; says so where one is not. */
+/* A drive that does not come to rest in this time is reported, not waited for. */
+#define CAMPAIGN_STANDSTILL_US (10 * US_PER_S)
+/* Waits, for that time, until every axis is seen to stand; says so where one is not. */
 void campaign_await_standstill(struct campaign *c);
 void campaign_end(struct campaign *c, int result, const struct err *why);
 int campaign_park(struct campaign *c, struct err *e);

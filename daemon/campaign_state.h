@@ -19,8 +19,8 @@
 #include "drivers/commission.h"
 
 #define CAMPAIGN_QUEUE 32
-#define CAMPAIGN_ENDED 16 /* jobs whose end is remembered */
-#define CAMPAIGN_DARKS 64 /* more than the ladder of exposures has rungs */
+#define CAMPAIGN_ENDED 16  /* jobs whose end is remembered */
+#define CAMPAIGN_DARKS 256 /* twice the rungs of the ladder from 10 us to 65 s, and more */
 #define CAMPAIGN_OVERLAP_SCANS                                                                               \
     16 /* at least: the noise of the electric dark alone would hide a bend of 0.1 % in four */
 #define CAMPAIGN_REPEATS 3  /* of a step that failed for a passing reason, before the campaign holds */

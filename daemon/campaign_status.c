@@ -42,7 +42,7 @@ json_t *campaign_stage_json(const struct campaign *c) {
     return all;
 }
 
-static json_t *sessions_json(const struct campaign *c) {
+json_t *campaign_session_names(const struct campaign *c) {
     json_t *all = json_array();
     for (int i = 0; i < JOB_SAMPLES; i++)
         if (c->measured[i].used)
@@ -137,7 +137,7 @@ static json_t *snapshot_json(const struct campaign *c) {
                   c->hold.active ? c->hold.text : "", "warning", c->warning, "why", c->failure.text);
     set_progress(c, all);
     json_object_set_new(all, "points", points_json(c));
-    json_object_set_new(all, "sessions", sessions_json(c));
+    json_object_set_new(all, "sessions", campaign_session_names(c));
     json_object_set_new(all, "estimates", estimates_json(c));
     json_object_set_new(all, "axes", campaign_stage_json(c));
     json_object_set_new(all, "spectrometer", spectrometer_json(c));
@@ -168,10 +168,6 @@ void campaign_job_ended(struct campaign *c, enum campaign_state state, json_t *s
     c->ended[c->n_ended++] = job;
     c->all_ended++;
     campaign_event(c, "end", false, json_deep_copy(job));
-}
-
-json_t *campaign_session_names(const struct campaign *c) {
-    return sessions_json(c);
 }
 
 void campaign_event(struct campaign *c, const char *kind, bool coalesce, json_t *json) {

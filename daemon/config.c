@@ -38,7 +38,8 @@ static bool written(const struct check *c, const char *path) {
 
 #define AXES 3
 
-const struct config_axis *config_axis_at(const struct config *config, int which, const char **path) {
+/* "axes.source", "axes.sample", "holder": as the file names them. */
+static const struct config_axis *axis_at(const struct config *config, int which, const char **path) {
     static const char *const paths[AXES] = {"axes.source", "axes.sample", "holder"};
     const struct config_axis *const axes[AXES] = {&config->source, &config->sample, &config->holder};
     *path = paths[which];
@@ -109,8 +110,8 @@ static void check_holder(const struct check *c) {
 /* Axes with the same link share one bus: one unit id each, and one set of line parameters. */
 static void check_pair_on_bus(const struct check *c, int a, int b) {
     const char *path_a, *path_b;
-    const struct config_axis *first = config_axis_at(c->config, a, &path_a);
-    const struct config_axis *second = config_axis_at(c->config, b, &path_b);
+    const struct config_axis *first = axis_at(c->config, a, &path_a);
+    const struct config_axis *second = axis_at(c->config, b, &path_b);
     char key[64];
     if (first->kind != CONFIG_AXIS_MOTOR || second->kind != CONFIG_AXIS_MOTOR || !*first->link ||
         strcmp(first->link, second->link) != 0)
@@ -141,7 +142,7 @@ static void check_axes(const struct check *c) {
                  "the source axis is a motor: without one there is nothing to run unattended");
     for (int i = 0; i < AXES; i++) {
         const char *path;
-        const struct config_axis *axis = config_axis_at(c->config, i, &path);
+        const struct config_axis *axis = axis_at(c->config, i, &path);
         if (axis->kind == CONFIG_AXIS_MOTOR)
             check_motor(c, path, axis);
         for (int j = i + 1; j < AXES; j++)

@@ -15,9 +15,4 @@ extern const struct yaml_key config_axis_keys[];
 extern const struct yaml_key config_fixed_keys[];
 extern const struct yaml_key config_zone_keys[];
 
-/* The name of an axis in messages and in the file: "axes.source", "axes.sample", "holder". */
-struct config;
-struct config_axis;
-const struct config_axis *config_axis_at(const struct config *config, int which, const char **path);
-
 #endif

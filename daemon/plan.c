@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "daemon/instruments.h"
 #include "daemon/plan_parts.h"
 #include "proto/units.h"
 
@@ -51,12 +52,11 @@ static void check_exposures(const struct planner *p) {
 }
 
 static void check_devices(const struct planner *p) {
-    static const char *const names[STAGE_AXES] = {"source", "sample", "holder"};
     for (int axis = 0; axis < STAGE_AXES; axis++) {
         struct err e = {0};
         if (!p->plan->uses[axis] || p->devices->profile[axis])
             continue;
-        err_set(&e, ERR_STATE, "no profile was loaded for the %s axis", names[axis]);
+        err_set(&e, ERR_STATE, "no profile was loaded for the %s axis", stage_axis_name(axis));
         err_list_add(p->errors, &e);
     }
 }

@@ -105,6 +105,8 @@ void plan_free(struct plan *plan);
 int plan_way(const struct config *config, const struct plan_devices *devices,
              const int32_t from_udeg[STAGE_AXES], const struct stage_target *to,
              struct stage_target via[PLAN_VIA]);
+/* The shortest and the longest exposure of a job that the spectrometer can. */
+void plan_exposure_limits_us(const struct job *job, const struct spectrometer_model *model, double us[2]);
 const char *step_kind_name(enum step_kind kind);                            /* "reference" */
 void plan_print(const struct plan *plan, const struct job *job, FILE *out); /* for people */
 struct json_t *plan_to_json(const struct plan *plan, const struct job *job);

@@ -46,10 +46,6 @@ static void free_points(struct points *p) {
     free(p->mirrored);
 }
 
-static double clamp(double value, double low, double high) {
-    return fmin(fmax(value, low), high);
-}
-
 static struct forecast_noise noise_of(const struct job *job, const struct plan_devices *devices) {
     const struct spectrometer_model *model = devices->spectrometer;
     const double range_nm = job->mean_nm[1] - job->mean_nm[0] + BAND_STEP_NM;
@@ -59,14 +55,12 @@ static struct forecast_noise noise_of(const struct job *job, const struct plan_d
                              model->electrons_per_count; /* of one pixel, one scan */
     const double own =
         job->reference.mode == REFERENCE_EVERY_GEOMETRY ? sqrt(2) : 1; /* its reference's too */
-    const double least =
-        clamp(job->exposure.min_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
-    const double most =
-        clamp(job->exposure.max_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+    double us[2];
+    plan_exposure_limits_us(job, model, us);
     return (struct forecast_noise){.relative = own / sqrt(readings * electrons),
                                    .read = own * model->read_noise_counts * model->electrons_per_count /
                                            electrons / sqrt(readings),
-                                   .span = most / least};
+                                   .span = us[1] / us[0]};
 }
 
 /* Mean relative u of the diffuser over the bands of mean_nm, at the job's reference geometry or a point's own. */

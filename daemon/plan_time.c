@@ -38,15 +38,19 @@ static double clamp(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;
 }
 
+void plan_exposure_limits_us(const struct job *job, const struct spectrometer_model *model, double us[2]) {
+    us[0] = clamp(job->exposure.min_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+    us[1] = clamp(job->exposure.max_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
+}
+
 /* Exposures spread over orders of magnitude: their middle is the geometric mean of the limits, and the
  * interval the middle of either half. */
 static void exposure_times_us(const struct planner *p, double *low, double *middle, double *high) {
-    const struct spectrometer_model *model = p->devices->spectrometer;
-    double least = clamp(p->job->exposure.min_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
-    double most = clamp(p->job->exposure.max_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
-    *middle = sqrt(least * most);
-    *low = sqrt(least * *middle);
-    *high = sqrt(*middle * most);
+    double us[2];
+    plan_exposure_limits_us(p->job, p->devices->spectrometer, us);
+    *middle = sqrt(us[0] * us[1]);
+    *low = sqrt(us[0] * *middle);
+    *high = sqrt(*middle * us[1]);
 }
 
 int64_t plan_set_time_us(const struct planner *p, double exposure_us) {
@@ -56,10 +60,9 @@ int64_t plan_set_time_us(const struct planner *p, double exposure_us) {
 }
 
 bool plan_spans(const struct planner *p) {
-    const struct spectrometer_model *model = p->devices->spectrometer;
-    double least = clamp(p->job->exposure.min_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
-    double most = clamp(p->job->exposure.max_ms * US_PER_MS, model->min_exposure_us, model->max_exposure_us);
-    return most >= PLAN_OVERLAP_SPAN * least;
+    double us[2];
+    plan_exposure_limits_us(p->job, p->devices->spectrometer, us);
+    return us[1] >= PLAN_OVERLAP_SPAN * us[0];
 }
 
 int64_t plan_reading_time_us(const struct planner *p) {
