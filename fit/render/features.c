@@ -117,7 +117,7 @@ static void decide_sigma(const struct scene *scene, struct features *f) {
     double largest = 0;
     for (int i = 0; i < scene->n_paints; i++) {
         const struct paint *p = &scene->paint[i];
-        double s = 0;
+        double s = 1; /* also where this S is less: planes outlive it (recolour) */
         for (int k = 0; k < BANDS; k++) {
             s = fmax(s, p->s[k]);
         }

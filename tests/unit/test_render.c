@@ -254,6 +254,32 @@ static void left_out_agrees_with_all_features(void **state) {
     }
 }
 
+/* A black paint shows nothing of its roughness, but its planes may be coloured with another S. */
+static void what_a_new_s_would_show_is_not_left_out(void **state) {
+    (void)state;
+    struct planes black, grey;
+    struct render_report report;
+    struct scene *scene[2];
+    for (int i = 0; i < 2; i++) {
+        scene[i] =
+            scene_of("materials: [{name: m, uniform: %s, sigma: 0.4, beta_prime: 7.6}]\n"
+                     "shapes: [sphere: {material: m, radius_mm: 20}]\nlights: [beam: {theta_deg: 60}]\n"
+                     "camera: {orthographic: {height_mm: 50}}\nimage: {width: 20, height: 20}\n",
+                     i ? "0.5" : "0");
+        planes_of(scene[i], &(struct render_options){0}, i ? &grey : &black, &report);
+        assert_true(report.features.line[FEATURE_SIGMA].kept);
+    }
+    memcpy(scene[0]->paint[0].s, scene[1]->paint[0].s, sizeof scene[0]->paint[0].s);
+    double *recoloured = xyz_of(scene[0], &black, false), *rendered = xyz_of(scene[1], &grey, false);
+    assert_memory_equal(recoloured, rendered, 3 * 400 * sizeof *rendered);
+    for (int i = 0; i < 2; i++)
+        scene_free(scene[i]);
+    planes_free(&black);
+    planes_free(&grey);
+    free(recoloured);
+    free(rendered);
+}
+
 static void what_is_left_out_takes_no_memory_and_no_rays(void **state) {
     (void)state;
     struct scene *scene =
@@ -388,6 +414,7 @@ int main(void) {
         cmocka_unit_test(same_bits_for_any_number_of_threads),
         cmocka_unit_test(what_stands_in_the_light_casts_a_shadow),
         cmocka_unit_test(left_out_agrees_with_all_features),
+        cmocka_unit_test(what_a_new_s_would_show_is_not_left_out),
         cmocka_unit_test(what_is_left_out_takes_no_memory_and_no_rays),
         cmocka_unit_test(cancelled_work_says_so),
         cmocka_unit_test(empty_and_tiny_pictures),
