@@ -66,7 +66,7 @@ static inline double shade_most(double a, double b) {
     return a > b ? a : b;
 }
 
-/* Fresnel's reflectance of a facet, unpolarised; reflectance.h has the same with derivatives. */
+/* Fresnel's reflectance of a facet, unpolarised; fit/fresnel.h has the same with derivatives. */
 static inline double shade_fresnel(double n2_1, double cos2_q) {
     double sin2_q = 1 - cos2_q, c = sqrt(cos2_q), root = sqrt(n2_1 + cos2_q), sum = root + c, cr = c * root;
     if (!(sum > 0)) {

@@ -106,6 +106,16 @@ static void print_materials(const struct scene *scene) {
     }
 }
 
+static void warn_of_lights(const struct scene *scene) {
+    for (int j = 0; j < scene->n_spds; j++) {
+        if (scene->spd[j].n_missing > 0) {
+            fprintf(stderr,
+                    "warning: light %s: its file does not cover %d of %d bands; it has no power there\n",
+                    scene->spd[j].name, scene->spd[j].n_missing, BANDS);
+        }
+    }
+}
+
 static void print_picture(const struct scene *scene, const struct picture *p, const struct render_report *r) {
     printf("exposure: Y = %g of the perfect diffuser at normal incidence; highest Y %.4g\n",
            scene->image.exposure, p->max_y * scene->image.exposure);
@@ -243,6 +253,7 @@ int verb_render(int argc, char **argv) {
     job.options.render.progress = isatty(STDERR_FILENO);
     job.reports = json_array();
     print_materials(job.scene);
+    warn_of_lights(job.scene);
     status = job.line && job.reports ? render_series(&job, &e)
                                      : err_set(&e, ERR_NOMEM, "no memory for the command");
     json_decref(job.reports);

@@ -241,6 +241,14 @@ def test_bad_input_starts_nothing(folder):
     assert code == 1 and "cannot be written" in err
 
 
+def test_a_lamp_file_that_ends_too_soon_is_told(folder):
+    scene = small(folder, "cylinder.yaml")
+    scene.write_text(scene.read_text().replace("D65", "lamp.csv"))
+    (folder / "lamp.csv").write_text("lambda_nm,value\n400,1\n700,1\n")
+    code, out, err = run("render", scene, "-o", folder / "l.png")
+    assert code == 0 and "light lamp.csv: its file does not cover 20 of 81 bands" in err, err
+
+
 def test_ctrl_c_keeps_what_is_done(folder):
     scene = small(folder, "cylinder.yaml", width=600, height=4000, grid=8)
     program = subprocess.Popen([GONIORENDER, "render", scene, "-o", folder / "i.png", "--threads", "1"],
