@@ -1,10 +1,10 @@
 #include "fit/render/render.h"
 
 #include <stdlib.h>
-#include <unistd.h>
 
-#include "fit/stopwatch.h"
+#include "fit/render/crew.h"
 #include "fit/render/trace.h"
+#include "fit/stopwatch.h"
 
 static bool kept(const struct features *f, enum feature feature) {
     return f->line[feature].kept;
@@ -37,7 +37,7 @@ int render_planes(const struct scene *scene, const struct render_options *option
                   struct render_report *report, struct err *e) {
     struct render_options own = *options;
     double started = stopwatch_s(), cpu = stopwatch_cpu_s();
-    own.threads = own.threads > 0 ? own.threads : (int)sysconf(_SC_NPROCESSORS_ONLN);
+    own.threads = crew_threads(own.threads);
     features_find(scene, own.all_features, &report->features);
     for (int i = 0; i < FEATURES; i++) {
         if (own.keep >> i & 1) {

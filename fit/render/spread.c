@@ -1,18 +1,13 @@
 #include "fit/render/spread.h"
 
 #include <math.h>
-#include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "fit/render/ciede2000.h"
-#include "fit/render/progress.h"
+#include "fit/render/crew.h"
 #include "fit/render/spread_slope.h"
 #include "fit/render/white.h"
-
-#define THREADS_MAX 256
 
 struct entry { /* one paint in one set of a pixel */
     int paint, set;
@@ -29,14 +24,10 @@ struct work { /* one picture, shared by all threads */
     struct planes planes, slope[MATERIAL_PARAMETERS];
     bool moved[MATERIAL_PARAMETERS]; /* slope[] holds something */
     double white[3];
-    atomic_int next, finished;
-    atomic_bool out_of_memory;
-    pthread_mutex_t lock; /* of the progress bar */
-    struct progress progress;
 };
 
-struct bench { /* of one thread */
-    struct entry *entry;
+struct bench { /* of one row */
+    struct entry entry[SCENE_PAINTS * PLANES_SETS];
     int n;
     double change[3][JOINT_ROWS]; /* of X, Y, Z by the columns of a paint's factor */
     float de[SPREAD_DRAWS];
@@ -222,12 +213,14 @@ static size_t first_extra(const struct planes *p, size_t pixel) {
     return low;
 }
 
-static void spread_row(struct work *w, int y, struct bench *b) {
+static void spread_row(void *work, int y) {
+    struct work *w = work;
+    struct bench b;
     size_t width = (size_t)w->planes.width, extra = first_extra(&w->planes, (size_t)y * width);
     for (size_t i = (size_t)y * width; i < (size_t)(y + 1) * width; i++) {
-        gather(w, i, &extra, b);
-        if (b->n > 0) {
-            spread_pixel(w, i, b);
+        gather(w, i, &extra, &b);
+        if (b.n > 0) {
+            spread_pixel(w, i, &b);
             continue;
         }
         for (int k = 0; k < SPREAD_SAMPLING; k++) {
@@ -236,50 +229,9 @@ static void spread_row(struct work *w, int y, struct bench *b) {
     }
 }
 
-static void *run_thread(void *argument) {
-    struct work *w = argument;
-    struct bench b;
-    b.entry = malloc((size_t)SCENE_PAINTS * (size_t)w->planes.n_sets * sizeof *b.entry);
-    if (!b.entry) {
-        atomic_store(&w->out_of_memory, true);
-    }
-    while (b.entry && !(w->options->cancel && *w->options->cancel)) {
-        int y = atomic_fetch_add(&w->next, 1);
-        if (y >= w->planes.height) {
-            break;
-        }
-        spread_row(w, y, &b);
-        int finished = atomic_fetch_add(&w->finished, 1) + 1;
-        if (w->progress.on && pthread_mutex_trylock(&w->lock) == 0) {
-            progress_show(&w->progress, finished / (double)w->planes.height);
-            pthread_mutex_unlock(&w->lock);
-        }
-    }
-    free(b.entry);
-    return NULL;
-}
-
-static int run_threads(struct work *w, struct err *e) {
-    pthread_t thread[THREADS_MAX];
-    int started = 0, threads = w->options->threads;
-    threads = threads > 0 ? threads : (int)sysconf(_SC_NPROCESSORS_ONLN);
-    threads = threads < THREADS_MAX ? threads : THREADS_MAX;
-    pthread_mutex_init(&w->lock, NULL);
-    progress_start(&w->progress, w->options->progress);
-    while (started < threads - 1 && pthread_create(&thread[started], NULL, run_thread, w) == 0) {
-        started++;
-    }
-    run_thread(w);
-    for (int i = 0; i < started; i++) {
-        pthread_join(thread[i], NULL);
-    }
-    progress_end(&w->progress);
-    pthread_mutex_destroy(&w->lock);
-    if (atomic_load(&w->finished) == w->planes.height) {
-        return 0; /* a thread that had no memory is no error: the others did its part */
-    }
-    return atomic_load(&w->out_of_memory)
-               ? err_set(e, ERR_NOMEM, "no memory for the uncertainty")
+static int spread_rows(struct work *w, struct err *e) {
+    return crew_run(w->planes.height, w->options, spread_row, w) == w->planes.height
+               ? 0
                : err_set(e, ERR_CANCELLED, "interrupted before the uncertainty was known");
 }
 
@@ -377,7 +329,7 @@ static int make_all(struct work *w, uint64_t seed, struct err *e) {
     }
     status = status ? status : prepare_paints(w, seed, e);
     status = status ? status : prepare_planes(w, e);
-    status = status ? status : run_threads(w, e);
+    status = status ? status : spread_rows(w, e);
     status = status ? status : find_sampling(w, e);
     return status ? status : summarise(s, e);
 }

@@ -1,13 +1,10 @@
 #include "fit/render/trace.h"
 
-#include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/render/progress.h"
-
-#define THREADS_MAX 256
+#include "fit/render/crew.h"
 
 struct tile {
     struct render_counts counts;
@@ -18,14 +15,10 @@ struct tile {
 struct work { /* one picture, shared by all threads */
     const struct trace *trace;
     trace_integrator *integrator;
-    const struct render_options *options;
     struct planes *planes;
     struct tile *tile;
     int n_tiles;
-    atomic_int next, finished;
     atomic_bool out_of_memory;
-    pthread_mutex_t lock; /* of the progress bar */
-    struct progress progress;
 };
 
 struct pixel { /* sums over its samples, one entry for each paint it shows */
@@ -112,7 +105,8 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
     }
 }
 
-static void trace_tile(struct work *w, int index) {
+static void trace_tile(void *work, int index) {
+    struct work *w = work;
     struct tile *tile = &w->tile[index];
     int first = index * TRACE_TILE_ROWS, last = first + TRACE_TILE_ROWS, width = w->planes->width;
     double part = 1.0 / (w->trace->scene->image.grid * w->trace->scene->image.grid);
@@ -128,37 +122,6 @@ static void trace_tile(struct work *w, int index) {
         }
     }
     tile->counts.rows_done = last - first;
-}
-
-static void *run_thread(void *argument) {
-    struct work *w = argument;
-    for (;;) {
-        bool stop = (w->options->cancel && *w->options->cancel) || atomic_load(&w->out_of_memory);
-        int index = atomic_fetch_add(&w->next, 1);
-        if (stop || index >= w->n_tiles) {
-            return NULL;
-        }
-        trace_tile(w, index);
-        int finished = atomic_fetch_add(&w->finished, 1) + 1;
-        if (w->progress.on && pthread_mutex_trylock(&w->lock) == 0) {
-            progress_show(&w->progress, finished / (double)w->n_tiles);
-            pthread_mutex_unlock(&w->lock);
-        }
-    }
-}
-
-static void run_threads(struct work *w, int threads) {
-    pthread_t thread[THREADS_MAX];
-    int started = 0;
-    threads = threads < THREADS_MAX ? threads : THREADS_MAX;
-    /* A thread that cannot be had is no error: the others do its part. */
-    while (started < threads - 1 && pthread_create(&thread[started], NULL, run_thread, w) == 0) {
-        started++;
-    }
-    run_thread(w);
-    for (int i = 0; i < started; i++) {
-        pthread_join(thread[i], NULL);
-    }
 }
 
 /* In the order of tiles, whoever did them. */
@@ -183,17 +146,13 @@ static int gather(struct work *w, struct render_counts *counts, struct err *e) {
 
 int trace_run(const struct trace *trace, trace_integrator *integrator, const struct render_options *options,
               struct planes *planes, struct render_counts *counts, struct err *e) {
-    struct work w = {.trace = trace, .integrator = integrator, .options = options, .planes = planes};
+    struct work w = {.trace = trace, .integrator = integrator, .planes = planes};
     w.n_tiles = (planes->height + TRACE_TILE_ROWS - 1) / TRACE_TILE_ROWS;
     w.tile = calloc((size_t)w.n_tiles, sizeof *w.tile);
     if (!w.tile) {
         return err_set(e, ERR_NOMEM, "no memory for %d tiles", w.n_tiles);
     }
-    pthread_mutex_init(&w.lock, NULL);
-    progress_start(&w.progress, options->progress);
-    run_threads(&w, options->threads);
-    progress_end(&w.progress);
-    pthread_mutex_destroy(&w.lock);
+    crew_run(w.n_tiles, options, trace_tile, &w);
     int status = gather(&w, counts, e);
     free(w.tile);
     return status;
