@@ -71,6 +71,19 @@ def test_the_manual_names_every_command(folder):
         assert f"goniorender {command}" in manual, command
 
 
+def test_the_manual_can_be_typed(folder):
+    scene = small(folder, "cylinder.yaml").rename(folder / "SCENE.yaml")
+    assert run("render", scene, "-o", folder / "r.png", "--planes", folder / "planes.exr")[0] == 0
+    lines = re.findall(r"^goniorender (.*?)(?: +#.*)?$", Path("docs/goniorender.md").read_text(), re.M)
+    typed = [line for line in lines if ".gonio" not in line]  # sessions: test_render_spread.c
+    assert len(typed) >= 6, lines
+    for line in typed:
+        words = line.split() + (["--quick"] if line.startswith("bench") else [])
+        code, out, err = run(*words, cwd=folder)
+        assert code == 0, (line, err)
+        assert "-o" not in words or (folder / words[words.index("-o") + 1]).stat().st_size > 0, line
+
+
 def test_every_example_renders(folder):
     scenes = sorted(p.name for p in SCENES.glob("*.yaml") if "session:" not in p.read_text())
     assert scenes, "no example needs no session"
