@@ -1,25 +1,5 @@
+#include "fit/render/intersect.h"
 #include "fit/render/trace.h"
-
-#define LIFT 1e-9 /* a shadow ray begins this part of the scene's size above its surface */
-
-static bool nearest_hit(const struct scene *scene, const struct ray *ray, struct hit *hit) {
-    hit->t_mm = INFINITY;
-    hit->shape = -1;
-    for (int i = 0; i < scene->n_shapes; i++) {
-        if (shape_hit(&scene->shape[i], ray, hit)) {
-            hit->shape = i;
-        }
-    }
-    return hit->shape >= 0;
-}
-
-static bool in_shadow(const struct trace *t, const struct hit *hit, struct vec3 l,
-                      struct render_counts *counts) {
-    struct hit other;
-    struct ray ray = {hit->position, l, LIFT * t->scene->camera.reach_mm};
-    counts->shadow_rays++;
-    return shape_shadows_itself(&t->scene->shape[hit->shape], hit, l) || nearest_hit(t->scene, &ray, &other);
-}
 
 /* The mask is a literal in each case, so that the compiler drops what is not in it. */
 static struct shade_abc shade_by(unsigned features, const struct shade_paint *p,
@@ -52,7 +32,7 @@ void trace_direct(const struct trace *t, const struct ray *ray, struct trace_sam
     struct hit hit;
     counts->camera_rays++;
     sample->paint = -1;
-    if (!nearest_hit(scene, ray, &hit)) {
+    if (!intersect_nearest(scene, ray, &hit)) {
         return;
     }
     counts->hits++;
@@ -72,7 +52,8 @@ void trace_direct(const struct trace *t, const struct ray *ray, struct trace_sam
         if (x.a == 0 && x.c == 0) {
             continue;
         }
-        if (t->shadow_rays && in_shadow(t, &hit, light->direction, counts)) {
+        counts->shadow_rays += t->shadow_rays;
+        if (t->shadow_rays && intersect_blocked(scene, &hit, light->direction, INFINITY)) {
             continue;
         }
         if (x.a < 0) { /* Oren and Nayar's fit, forward and very rough */
