@@ -176,7 +176,7 @@ static const char *material_place(struct check *c, int i, char *at, size_t size)
 
 static bool is_written(const struct check *c, int shape, const char *key) {
     char at[96];
-    snprintf(at, sizeof at, "shapes[%d].rectangle.%s", shape, key);
+    snprintf(at, sizeof at, "shapes[%d].%s.%s", shape, shape_name(c->scene->shape[shape].kind), key);
     return yaml_place_find(&c->places, at) != NULL;
 }
 
@@ -190,6 +190,15 @@ static void check_rectangle(struct check *c, int i) {
     }
     if (is_written(c, i, "relief_mm") && !is_written(c, i, "relief")) {
         complain(c, at, "relief_mm is the height of a relief: name its picture as `relief`");
+    }
+}
+
+static void check_fold(struct check *c, int i) {
+    bool one = is_written(c, i, "material"), two = is_written(c, i, "materials");
+    char at[96];
+    snprintf(at, sizeof at, "shapes[%d].fold", i);
+    if (one == two || c->scene->shape[i].n_materials != (one ? 1 : 2)) {
+        complain(c, at, "a fold needs a material, or `materials` of its left and right side: [a, b]");
     }
 }
 
@@ -212,6 +221,8 @@ static void check_shape(struct check *c, int i) {
     }
     if (s->kind == SHAPE_RECTANGLE) {
         check_rectangle(c, i);
+    } else if (s->kind == SHAPE_FOLD) {
+        check_fold(c, i);
     }
     if (shape_prepare(s, c->scene->folder, &e)) {
         snprintf(at, sizeof at, "shapes[%d].%s", i, shape_name(s->kind));

@@ -26,12 +26,20 @@ static double board_reach(const struct shape *s) {
     return hypot(rows, s->board.columns) * (s->board.patch_mm + s->board.gap_mm) / 2;
 }
 
+static double fold_reach(const struct shape *s) {
+    return hypot(s->fold.width_mm, s->fold.length_mm / 2);
+}
+
 static const struct kind kinds[SHAPE_KINDS] = {
     [SHAPE_CYLINDER] = {.name = "cylinder", .hit = shape_cylinder_hit, .reach = cylinder_reach},
     [SHAPE_SPHERE] = {.name = "sphere", .hit = shape_sphere_hit, .reach = sphere_reach},
     [SHAPE_RECTANGLE] = {"rectangle", shape_rectangle_hit, rectangle_reach, shape_rectangle_shadow,
                          shape_rectangle_prepare, shape_rectangle_free},
     [SHAPE_BOARD] = {.name = "board", .hit = shape_board_hit, .reach = board_reach},
+    [SHAPE_FOLD] = {.name = "fold",
+                    .hit = shape_fold_hit,
+                    .reach = fold_reach,
+                    .prepare = shape_fold_prepare},
 };
 
 const char *shape_name(enum shape_kind kind) {
@@ -58,7 +66,8 @@ bool shape_shadows_itself(const struct shape *s, const struct hit *hit, struct v
 }
 
 bool shape_is_convex(const struct shape *s) {
-    return s->kind != SHAPE_RECTANGLE || !s->rectangle.relief.height_mm;
+    return !(s->kind == SHAPE_RECTANGLE && s->rectangle.relief.height_mm) &&
+           !(s->kind == SHAPE_FOLD && s->fold.angle_deg < 180);
 }
 
 double shape_reach_mm(const struct shape *s) {

@@ -8,7 +8,8 @@
  * Units      millimetres and degrees.
  * Errors     shape_prepare: -ERR_IO, -ERR_INPUT a file that cannot be used; -ERR_NOMEM.
  * Promises   shape_hit: no allocation, any thread; a ray inside a surface does not meet it.
- * Checked    tests/unit/test_render.c: sphere and cylinder against their cosines; test_relief.c: rectangle, mask, board
+ * Checked    tests/unit/test_render.c: sphere and cylinder against their cosines; test_relief.c: rectangle, mask, board;
+ *            test_fold.c
  */
 #ifndef FIT_RENDER_SHAPE_H
 #define FIT_RENDER_SHAPE_H
@@ -21,7 +22,7 @@
 
 #define SHAPE_MATERIALS 64
 
-enum shape_kind { SHAPE_CYLINDER, SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_BOARD, SHAPE_KINDS };
+enum shape_kind { SHAPE_CYLINDER, SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_BOARD, SHAPE_FOLD, SHAPE_KINDS };
 
 struct shape_cylinder {
     double radius_mm, length_mm;
@@ -47,6 +48,11 @@ struct shape_board { /* patches by rows from the top left; what is between them 
     double patch_mm, gap_mm;
 };
 
+struct shape_fold { /* two rectangles that meet in the y axis and open towards +z; materials: left, right */
+    double width_mm, length_mm, angle_deg; /* width: of each, from the edge; length: of the edge */
+    double sine, cosine;                   /* of half the angle */
+};
+
 struct shape {
     enum shape_kind kind;
     bool given[SHAPE_KINDS]; /* as written in the scene: one of them must be */
@@ -59,6 +65,7 @@ struct shape {
     struct shape_sphere sphere;
     struct shape_rectangle rectangle;
     struct shape_board board;
+    struct shape_fold fold;
 };
 
 struct hit {
@@ -87,5 +94,7 @@ bool shape_rectangle_shadow(const struct shape *s, const struct hit *hit, struct
 int shape_rectangle_prepare(struct shape *s, const char *folder, struct err *e);
 void shape_rectangle_free(struct shape *s);
 bool shape_board_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
+int shape_fold_prepare(struct shape *s, const char *folder, struct err *e);
+bool shape_fold_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 
 #endif

@@ -59,7 +59,8 @@ static int read_mask(struct yaml_reader *r, const struct yaml_node *node, void *
         .name = "material", .type = YAML_CUSTOM, .custom = read_material, .required = needed,                \
         .doc = "the name of a material"                                                                      \
     }
-#define PLACE SCENE_VECTOR("at_mm", AT_SHAPE(at_mm), AT_SHAPE(n_at), "[0, 0, 0]", "place of its centre")
+#define PLACE_OF(what) SCENE_VECTOR("at_mm", AT_SHAPE(at_mm), AT_SHAPE(n_at), "[0, 0, 0]", "place of " what)
+#define PLACE PLACE_OF("its centre")
 #define TURN                                                                                                 \
     SCENE_VECTOR("turn_deg", AT_SHAPE(turn_deg), AT_SHAPE(n_turn), "[0, 0, 0]",                              \
                  "turned about x, then y, then z")
@@ -140,6 +141,26 @@ static const struct yaml_key board_keys[] = {
      .doc = "between patches"},
     {0}};
 
+static const struct yaml_key fold_keys[] = {
+    MATERIAL(false),
+    {.name = "materials",
+     .type = YAML_CUSTOM,
+     .custom = read_materials,
+     .doc = "instead of a material: those of the left and of the right side, as [a, b]"},
+    PLACE_OF("the middle of its edge"),
+    TURN,
+    SCENE_LENGTH("width_mm", AT_SHAPE(fold.width_mm), true, NULL, "of each side, from the edge"),
+    SCENE_LENGTH("length_mm", AT_SHAPE(fold.length_mm), true, NULL, "of the edge, along y"),
+    {.name = "angle_deg",
+     .type = YAML_DOUBLE,
+     .offset = AT_SHAPE(fold.angle_deg),
+     .low = 1,
+     .high = 180,
+     .default_text = "90",
+     .unit = "deg",
+     .doc = "between the sides; opens towards +z"},
+    {0}};
+
 #define SHAPE(key, kind, table, text)                                                                        \
     {                                                                                                        \
         .name = key, .type = YAML_MAP, .offset = 0, .keys = table,                                           \
@@ -151,4 +172,5 @@ const struct yaml_key scene_shape_keys[] = {
     SHAPE("sphere", SHAPE_SPHERE, sphere_keys, "a painted sphere"),
     SHAPE("rectangle", SHAPE_RECTANGLE, rectangle_keys, "a painting, seen from its front"),
     SHAPE("board", SHAPE_BOARD, board_keys, "a board of swatches"),
+    SHAPE("fold", SHAPE_FOLD, fold_keys, "two rectangles that meet at an angle and shine on each other"),
     {0}};
