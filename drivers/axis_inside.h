@@ -57,7 +57,7 @@ struct axis {
     struct axis_block block[PROFILE_REGS];
     int64_t value[PROFILE_REGS];
     uint32_t shadow[PROFILE_REGS]; /* command words as goniod wants them */
-    int64_t read_us, demand_us;    /* stamps; INT64_MIN = never */
+    int64_t read_us;               /* stamp; INT64_MIN = never */
     int polls_since_write;
     int32_t position_udeg;
     int alarm;

@@ -47,7 +47,7 @@ static void slot_text(const uint8_t slot[SPECTROMETER_WIRE_SLOT], char text[SPEC
 static bool slot_number(const uint8_t slot[SPECTROMETER_WIRE_SLOT], double *value) {
     char text[SPECTROMETER_WIRE_SLOT + 1];
     slot_text(slot, text);
-    return number_read_double(text, value) && isfinite(*value);
+    return number_read_double(text, value);
 }
 
 static int decode_wavelengths(const spectrometer_eeprom_slots slots, struct calibration *c, struct err *e) {
@@ -64,8 +64,7 @@ static int decode_wavelengths(const spectrometer_eeprom_slots slots, struct cali
     }
     double last = LAMBDA_MIN_NM;
     for (int p = c->active_first; p <= c->active_last; p++) {
-        double x = p,
-               nm = c->wavelength[0] + x * (c->wavelength[1] + x * (c->wavelength[2] + x * c->wavelength[3]));
+        double nm = calibration_lambda_nm(c, p);
         if (!(nm > last && nm < LAMBDA_MAX_NM))
             return err_set(
                 e, ERR_DEVICE,

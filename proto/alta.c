@@ -7,7 +7,6 @@
 
 #include "proto/file.h"
 #include "proto/lines.h"
-#include "proto/number.h"
 #include "proto/units.h"
 
 #define INPUTS_MAX 6

@@ -14,8 +14,7 @@
 #include "proto/err.h"
 
 int file_read(const char *path, size_t limit, char **text, size_t *size, struct err *e);
-/* The first byte that is neither UTF-8 text nor a tab or line end: its place (from 1) in *line and *column.
- * Returns 0 when there is none, else -ERR_INPUT. */
+/* -ERR_INPUT at the first byte that is neither UTF-8 text nor a tab or line end; 0 where there is none. */
 int file_check_text(const char *file, const char *text, size_t size, struct err *e);
 
 #endif

@@ -1,7 +1,6 @@
 #include "proto/material.h"
 
 #include <math.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 

@@ -86,7 +86,7 @@ struct profile {
     int reg_limit_high, reg_limit_low;       /* lim_hi, lim_lo: the drive's own soft limits; -1 = none */
     int n_bits;
     struct profile_bit bit[PROFILE_BITS];
-    int bit_moving, bit_inpos, bit_alarm, bit_homed, bit_valid; /* -1 = the drive has none */
+    int bit_moving, bit_inpos, bit_alarm, bit_valid; /* -1 = the drive has none */
     int n_done, debounce_polls;
     struct profile_condition done[PROFILE_CONDITIONS]; /* all */
     int n_accept, accept_ms;

@@ -1,7 +1,6 @@
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "proto/profile_inside.h"
@@ -48,7 +47,6 @@ static void known_names(struct profile *p) {
     p->bit_moving = find_bit(p, "moving");
     p->bit_inpos = find_bit(p, "inpos");
     p->bit_alarm = find_bit(p, "alarm");
-    p->bit_homed = find_bit(p, "homed");
     p->bit_valid = find_bit(p, "valid");
 }
 

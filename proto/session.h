@@ -46,8 +46,8 @@ struct exchange { /* one Modbus transaction; request and reply are the caller's 
 
 struct session_summary {
     int64_t n_exposures, n_points, n_final, n_brackets, n_estimates, n_events, n_exchanges;
-    int64_t first_us, last_us;         /* of the exposures; 0 when there is none */
-    int64_t first_utc_us, last_utc_us; /* microseconds since 1970 */
+    int64_t first_us, last_us; /* of the exposures; 0 when there is none */
+    int64_t first_utc_us;      /* microseconds since 1970 */
     int user_version;
 };
 

@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* Walks the rows of sql; row() turns one into a struct and hands it on. */
@@ -328,7 +327,6 @@ int session_get_summary(struct session *s, struct session_summary *m, struct err
         {"SELECT min(start_us) FROM exposure", &m->first_us},
         {"SELECT max(end_us) FROM exposure", &m->last_us},
         {"SELECT min(utc_us) FROM exposure", &m->first_utc_us},
-        {"SELECT max(utc_us) FROM exposure", &m->last_utc_us},
     };
     memset(m, 0, sizeof *m);
     m->user_version = s->user_version;

@@ -13,8 +13,8 @@
  *            are refused: a value stands where it is used. Numbers are decimal and do not depend on the
  *            locale; a YAML_INT may also be hexadecimal (0x7C). A quoted scalar is a string, never a number.
  * Errors     all go to the err_list, sorted by place, at most YAML_ERRORS_MAX; a file that is no YAML gives
- *            the first syntax error alone. yaml_read returns -ERR_INPUT if there was any, -ERR_IO if the file
- *            cannot be read. The struct is then filled in part and must not be used.
+ *            the first syntax error alone. yaml_read_text returns -ERR_INPUT if there was any, yaml_read_file also
+ *            -ERR_IO if the file cannot be read. The struct is then filled in part and must not be used.
  * Checked    tests/unit/test_yaml.c, tests/fuzz/fuzz_yaml.c
  */
 #ifndef PROTO_YAML_H
@@ -44,7 +44,7 @@ enum yaml_type {
     YAML_INTS,    /* int[capacity], count at count_offset */
     YAML_STRINGS, /* char[capacity][size], count at count_offset */
     YAML_MAP,     /* a struct at offset, by `keys` */
-    YAML_LIST,    /* struct[capacity] of `element_size`, by `keys`, count at count_offset */
+    YAML_LIST,    /* struct[capacity] of `size` bytes, by `keys`, count at count_offset */
     YAML_CUSTOM   /* custom(reader, node, struct) */
 };
 
