@@ -20,15 +20,12 @@ static void complain(const struct check *c, const char *path, const char *format
     __attribute__((format(printf, 3, 4)));
 
 static void complain(const struct check *c, const char *path, const char *format, ...) {
-    char text[400];
+    const struct yaml_place *place = yaml_place_find(c->places, path);
     va_list args;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    err_list_mistake(c->errors, c->config->file, place ? place->line : 0, place ? place->column : 0, format,
+                     args);
     va_end(args);
-    const struct yaml_place *place = yaml_place_find(c->places, path);
-    struct err e = {0};
-    err_at(&e, ERR_INPUT, c->config->file, place ? place->line : 0, place ? place->column : 0, "%s", text);
-    err_list_add(c->errors, &e);
 }
 
 static bool written(const struct check *c, const char *path) {

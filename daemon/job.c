@@ -8,15 +8,11 @@
 #include "daemon/job_keys.h"
 
 void job_complain(const struct job *job, struct err_list *errors, const char *path, const char *format, ...) {
-    char text[480];
+    const struct yaml_place *place = yaml_place_find(&job->places, path);
     va_list args;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    err_list_mistake(errors, job->file, place ? place->line : 0, place ? place->column : 0, format, args);
     va_end(args);
-    const struct yaml_place *place = yaml_place_find(&job->places, path);
-    struct err e = {0};
-    err_at(&e, ERR_INPUT, job->file, place ? place->line : 0, place ? place->column : 0, "%s", text);
-    err_list_add(errors, &e);
 }
 
 static bool written(const struct job *job, const char *path) {

@@ -12,19 +12,11 @@
 
 int csv_error(const struct csv *csv, const struct csv_cell *cell, struct err_list *errors, const char *format,
               ...) {
-    char text[400];
     va_list ap;
     va_start(ap, format);
-    vsnprintf(text, sizeof text, format, ap);
+    int rc = err_list_mistake(errors, csv->file, cell ? cell->line : 0, cell ? cell->column : 0, format, ap);
     va_end(ap);
-    size_t of_this_file = 0;
-    for (size_t i = 0; i < errors->n; i++)
-        of_this_file += strcmp(errors->item[i].file, csv->file) == 0;
-    struct err e = {0};
-    err_at(&e, ERR_INPUT, csv->file, cell ? cell->line : 0, cell ? cell->column : 0, "%s", text);
-    if (of_this_file < CSV_ERRORS_MAX)
-        err_list_add(errors, &e);
-    return -ERR_INPUT;
+    return rc;
 }
 
 static char *trim(char *text) {

@@ -8,7 +8,7 @@
  * Shapes     name[n_columns]; cell[row * n_columns + column]; all text lies in one buffer of the struct.
  *            A cell may be quoted ("a, b"). line and column count from 1.
  * Domain     UTF-8, lines end in LF or CRLF, separator comma, decimal point.
- * Errors     csv_parse adds every mistake to errors (at most CSV_ERRORS_MAX of one file) and returns
+ * Errors     csv_parse adds every mistake to errors (at most ERR_LIST_OF_FILE of one file) and returns
  *            -ERR_INPUT; nothing needs freeing then.
  * Source     RFC 4180, without line breaks inside cells.
  * Checked    tests/unit/test_csv.c, tests/fuzz/fuzz_certificate.c
@@ -21,7 +21,6 @@
 #include "proto/err.h"
 
 #define CSV_COLUMNS_MAX 512
-#define CSV_ERRORS_MAX 100
 
 struct csv_cell {
     const char *text;

@@ -104,6 +104,25 @@ int err_list_add(struct err_list *list, const struct err *e) {
     return 0;
 }
 
+static size_t of_file(const struct err_list *list, const char *file) {
+    size_t n = 0;
+    for (size_t i = 0; i < list->n; i++)
+        n += strcmp(list->item[i].file, file) == 0;
+    return n;
+}
+
+int err_list_mistake(struct err_list *list, const char *file, int line, int column, const char *format,
+                     va_list arguments) {
+    struct err e = {0};
+    claim(&e, ERR_INPUT, format, arguments);
+    snprintf(e.file, sizeof e.file, "%s", file);
+    e.line = line;
+    e.column = column;
+    if (of_file(list, e.file) < ERR_LIST_OF_FILE)
+        err_list_add(list, &e);
+    return -ERR_INPUT;
+}
+
 void err_list_free(struct err_list *list) {
     free(list->item);
     memset(list, 0, sizeof *list);

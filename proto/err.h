@@ -7,13 +7,15 @@
  *
  * file, line, column are set where a file is at fault (line and column count from 1; 0 = unknown).
  * saved_errno is the errno of the failing call, read in the very next statement by the caller of err_errno.
- * A reader of a file collects all its errors in a struct err_list, then refuses once.
+ * A reader of a file collects all its errors in a struct err_list, then refuses once; more than ERR_LIST_OF_FILE of one
+ * file help nobody and are not kept.
  * Every function accepts e == NULL. Not thread safe on one struct err; no global state.
  * Checked    tests/unit/test_err.c
  */
 #ifndef PROTO_ERR_H
 #define PROTO_ERR_H
 
+#include <stdarg.h>
 #include <stddef.h>
 
 #ifdef __cplusplus
@@ -38,6 +40,8 @@ enum err_code {
     ERR_NOMEM,
     ERR_CODES
 };
+
+#define ERR_LIST_OF_FILE 100
 
 struct err {
     int code; /* positive enum err_code, ERR_NONE while empty */
@@ -65,6 +69,9 @@ const char *err_name(int code); /* "timeout", accepts either sign */
 const char *err_format(const struct err *e, char *buffer, size_t size);
 
 int err_list_add(struct err_list *list, const struct err *e); /* -ERR_NOMEM or 0 */
+/* A mistake in a file, formatted, as one more of the list. Always -ERR_INPUT, for `return`. */
+int err_list_mistake(struct err_list *list, const char *file, int line, int column, const char *format,
+                     va_list arguments) __attribute__((format(printf, 5, 0)));
 void err_list_free(struct err_list *list);
 
 #ifdef __cplusplus

@@ -1,7 +1,6 @@
 #include "proto/lines.h"
 
 #include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "proto/number.h"
@@ -48,16 +47,11 @@ bool lines_keyword(const struct lines *l, const char *word, const char **rest, s
 }
 
 int lines_error(const struct lines *l, int column, struct err_list *errors, const char *format, ...) {
-    char text[400];
-    struct err e = {0};
     va_list ap;
     va_start(ap, format);
-    vsnprintf(text, sizeof text, format, ap);
+    int rc = err_list_mistake(errors, l->file, l->number, column, format, ap);
     va_end(ap);
-    err_at(&e, ERR_INPUT, l->file, l->number, column, "%s", text);
-    if (errors->n < LINES_ERRORS_MAX)
-        err_list_add(errors, &e);
-    return -ERR_INPUT;
+    return rc;
 }
 
 static int read_number(const struct lines *l, size_t from, size_t to, double *value,

@@ -2,7 +2,7 @@
  * lines.h — a text line by line, and the numbers of a line with the column of each.
  *
  * Numbers are separated by blanks, tabs, or one comma; a line ends in LF or CRLF. The text need not end in NUL.
- * Errors     lines_numbers: -ERR_INPUT with file:line:column in errors; at most LINES_ERRORS_MAX of one file.
+ * Errors     lines_numbers: -ERR_INPUT with file:line:column in errors; at most ERR_LIST_OF_FILE of one.
  * Checked    tests/unit/test_surface_files.c, tests/fuzz/fuzz_astm.c, tests/fuzz/fuzz_alta.c
  */
 #ifndef PROTO_LINES_H
@@ -12,8 +12,6 @@
 #include <stddef.h>
 
 #include "proto/err.h"
-
-#define LINES_ERRORS_MAX 100
 
 struct lines {
     const char *file, *next, *end; /* next: where the following line begins */

@@ -1,6 +1,5 @@
 #include <math.h>
 #include <stdarg.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "proto/profile_inside.h"
@@ -13,14 +12,10 @@ struct check {
 
 __attribute__((format(printf, 4, 5))) static void mistake(struct check *c, int line, int column,
                                                           const char *format, ...) {
-    char text[200];
     va_list ap;
     va_start(ap, format);
-    vsnprintf(text, sizeof text, format, ap);
+    err_list_mistake(c->errors, c->p->file, line, column, format, ap);
     va_end(ap);
-    struct err e = {0};
-    err_at(&e, ERR_INPUT, c->p->file, line, column, "%s", text);
-    err_list_add(c->errors, &e);
     c->mistakes++;
 }
 

@@ -12,7 +12,7 @@
  * Domain     UTF-8, at most YAML_BYTES_MAX, YAML_DEPTH_MAX levels, one document. Anchors, aliases and tags
  *            are refused: a value stands where it is used. Numbers are decimal and do not depend on the
  *            locale; a YAML_INT may also be hexadecimal (0x7C). A quoted scalar is a string, never a number.
- * Errors     all go to the err_list, sorted by place, at most YAML_ERRORS_MAX; a file that is no YAML gives
+ * Errors     all go to the err_list, sorted by place, at most ERR_LIST_OF_FILE; a file that is no YAML gives
  *            the first syntax error alone. yaml_read_text returns -ERR_INPUT if there was any, yaml_read_file also
  *            -ERR_IO if the file cannot be read. The struct is then filled in part and must not be used.
  * Checked    tests/unit/test_yaml.c, tests/fuzz/fuzz_yaml.c
@@ -30,7 +30,6 @@
 #define YAML_BYTES_MAX (1 << 20)
 #define YAML_DEPTH_MAX 32
 #define YAML_KEYS_MAX 512 /* of one mapping */
-#define YAML_ERRORS_MAX 100
 
 struct yaml_node; /* a scalar, a mapping or a list, with its place; valid while the reader runs */
 

@@ -2,7 +2,6 @@
 
 #include <libfyaml.h>
 #include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,7 +13,6 @@ struct builder {
     const char *file, *text;
     size_t size;
     struct err_list *errors;
-    size_t first_error;
     struct yaml_node *root;
     struct yaml_node *open[YAML_DEPTH_MAX];        /* mappings and lists not yet closed */
     struct yaml_node *pending_key[YAML_DEPTH_MAX]; /* of a mapping: its key that waits for a value */
@@ -26,20 +24,11 @@ static int refuse(struct builder *b, const struct fy_mark *mark, const char *for
     __attribute__((format(printf, 3, 4)));
 
 static int refuse(struct builder *b, const struct fy_mark *mark, const char *format, ...) {
-    char text[400];
     va_list ap;
     va_start(ap, format);
-    vsnprintf(text, sizeof text, format, ap);
+    err_list_mistake(b->errors, b->file, mark ? mark->line + 1 : 0, mark ? mark->column + 1 : 0, format, ap);
     va_end(ap);
-    struct err e = {0};
-    err_at(&e, ERR_INPUT, b->file, mark ? mark->line + 1 : 0, mark ? mark->column + 1 : 0, "%s", text);
-    yaml_add_error(b->errors, b->first_error, &e);
     return -ERR_INPUT;
-}
-
-void yaml_add_error(struct err_list *errors, size_t first, const struct err *e) {
-    if (errors->n - first < YAML_ERRORS_MAX)
-        err_list_add(errors, e);
 }
 
 void yaml_tree_free(struct yaml_node *node) {
@@ -284,7 +273,7 @@ static int build_text(struct builder *b, const char *text, size_t size) {
 
 int yaml_parse(const char *file, const char *text, size_t size, struct yaml_node **root,
                struct err_list *errors) {
-    struct builder b = {.file = file, .text = text, .size = size, .errors = errors, .first_error = errors->n};
+    struct builder b = {.file = file, .text = text, .size = size, .errors = errors};
     struct err e = {0};
     *root = NULL;
     if (size > YAML_BYTES_MAX)

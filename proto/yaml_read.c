@@ -16,7 +16,7 @@ struct yaml_reader {
     const char *file;
     struct err_list *errors;
     size_t first_error;
-    int reported; /* mistakes found, also those past YAML_ERRORS_MAX */
+    int reported; /* mistakes found, also those past ERR_LIST_OF_FILE */
     struct yaml_places *places;
     char path[sizeof(((struct yaml_place *)0)->path)];
 };
@@ -25,15 +25,11 @@ static int read_value(struct yaml_reader *r, const struct yaml_key *key, const s
                       void *object);
 
 void yaml_error(struct yaml_reader *r, const struct yaml_node *node, const char *format, ...) {
-    char text[sizeof(((struct err *)0)->text)];
     va_list ap;
     va_start(ap, format);
-    vsnprintf(text, sizeof text, format, ap);
+    err_list_mistake(r->errors, r->file, yaml_node_line(node), yaml_node_column(node), format, ap);
     va_end(ap);
-    struct err e = {0};
-    err_at(&e, ERR_INPUT, r->file, yaml_node_line(node), yaml_node_column(node), "%s", text);
     r->reported++;
-    yaml_add_error(r->errors, r->first_error, &e);
 }
 
 static const char *name_of(const struct yaml_reader *r) {
@@ -382,7 +378,7 @@ static bool stands_before(const struct err *a, const struct err *b) {
     return a->line != b->line ? a->line < b->line : a->column < b->column;
 }
 
-/* By place, and at one place in the order found: insertion sort of at most YAML_ERRORS_MAX entries. */
+/* By place, and at one place in the order found: insertion sort of at most ERR_LIST_OF_FILE entries. */
 void yaml_sort_errors(struct err_list *errors, size_t first) {
     for (size_t i = first + 1; i < errors->n; i++) {
         struct err moved = errors->item[i];

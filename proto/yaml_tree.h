@@ -31,7 +31,5 @@ struct yaml_node {
 int yaml_parse(const char *file, const char *text, size_t size, struct yaml_node **root,
                struct err_list *errors);
 void yaml_tree_free(struct yaml_node *node);
-/* Adds a mistake of one file, whose list began with `first` entries; past YAML_ERRORS_MAX it only counts. */
-void yaml_add_error(struct err_list *errors, size_t first, const struct err *e);
 
 #endif

@@ -349,14 +349,10 @@ static const struct yaml_key KEYS[] = {
 static void complain(struct err_list *errors, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 static void complain(struct err_list *errors, const char *format, ...) {
-    char text[400];
-    struct err e = {0};
     va_list args;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    err_list_mistake(errors, "", 0, 0, format, args);
     va_end(args);
-    err_set(&e, ERR_INPUT, "%s", text);
-    err_list_add(errors, &e);
 }
 
 static void load_paint(struct goniosim_place *p, struct err_list *errors) {

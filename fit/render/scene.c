@@ -25,14 +25,11 @@ static void complain(struct check *c, const char *path, const char *format, ...)
 
 static void complain(struct check *c, const char *path, const char *format, ...) {
     const struct yaml_place *place = yaml_place_find(&c->places, path);
-    struct err e = {0};
-    char text[512];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
+    err_list_mistake(c->errors, c->scene->file, place ? place->line : 0, place ? place->column : 0, format,
+                     arguments);
     va_end(arguments);
-    err_at(&e, ERR_INPUT, c->scene->file, place ? place->line : 0, place ? place->column : 0, "%s", text);
-    err_list_add(c->errors, &e);
 }
 
 /* Exactly one kind must be given; its index, or -1. */

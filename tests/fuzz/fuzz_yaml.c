@@ -68,7 +68,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct err_list errors = {0};
     struct yaml_places places = {0};
     int rc = yaml_read_text_places("f", (const char *)data, size, keys, &thing, &errors, &places);
-    if ((rc == 0) != (errors.n == 0) || errors.n > YAML_ERRORS_MAX)
+    if ((rc == 0) != (errors.n == 0) || errors.n > ERR_LIST_OF_FILE)
         abort();
     if (thing.n_list > 4 || thing.n_pair > 2 || thing.n_word > 3 || thing.n_part > 2)
         abort();

@@ -41,6 +41,26 @@ static void a_list_grows(void **state) {
     assert_null(list.item);
 }
 
+static void mistake(struct err_list *list, const char *file, int line, const char *format, ...) {
+    va_list ap;
+    va_start(ap, format);
+    assert_int_equal(err_list_mistake(list, file, line, 5, format, ap), -ERR_INPUT);
+    va_end(ap);
+}
+
+static void one_bad_file_leaves_room_for_the_next(void **state) {
+    (void)state;
+    struct err_list list = {0};
+    char text[600];
+    for (int i = 1; i <= 3 * ERR_LIST_OF_FILE; i++)
+        mistake(&list, "a.astm", i, "mistake %d", i);
+    mistake(&list, "b.astm", 7, "%s is no number", "'x'");
+    assert_int_equal(list.n, ERR_LIST_OF_FILE + 1);
+    assert_string_equal(err_format(&list.item[ERR_LIST_OF_FILE], text, sizeof text),
+                        "b.astm:7:5: 'x' is no number");
+    err_list_free(&list);
+}
+
 static void every_code_has_a_name(void **state) {
     (void)state;
     for (int code = 0; code < ERR_CODES; code++)
@@ -50,9 +70,8 @@ static void every_code_has_a_name(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(first_cause_wins),
-        cmocka_unit_test(errno_is_kept_and_named),
-        cmocka_unit_test(a_list_grows),
+        cmocka_unit_test(first_cause_wins),      cmocka_unit_test(errno_is_kept_and_named),
+        cmocka_unit_test(a_list_grows),          cmocka_unit_test(one_bad_file_leaves_room_for_the_next),
         cmocka_unit_test(every_code_has_a_name),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
