@@ -4,13 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-static void get_matrix(struct query *q, int at, double matrix[MATERIAL_PARAMETERS][MATERIAL_PARAMETERS]) {
-    size_t size;
-    const void *bytes = query_bytes(q, at, &size);
-    if (size == MATERIAL_PARAMETERS * sizeof matrix[0])
-        memcpy(matrix, bytes, size);
-}
-
 static void estimation_row(struct query *q, struct estimate *m) {
     double *const numbers[] = {&m->chi2, &m->bic, &m->r2, &m->median_relative_error, &m->specular_energy};
     double *const ranges[] = {&m->theta_i_low_deg, &m->theta_i_high_deg, &m->theta_v_low_deg,
@@ -33,8 +26,8 @@ static void estimation_row(struct query *q, struct estimate *m) {
     m->band_last = (int)query_int(q, at++);
     for (size_t i = 0; i < sizeof ranges / sizeof ranges[0]; i++)
         *ranges[i] = query_double(q, at++);
-    get_matrix(q, at++, m->statistical);
-    get_matrix(q, at++, m->common);
+    session_take_doubles(q, at++, &m->statistical[0][0], MATERIAL_PARAMETERS * MATERIAL_PARAMETERS);
+    session_take_doubles(q, at++, &m->common[0][0], MATERIAL_PARAMETERS * MATERIAL_PARAMETERS);
     for (int i = 0; i < MATERIAL_LOSSES; i++)
         m->loss[i] = NAN; /* a session does not keep them */
 }

@@ -34,6 +34,8 @@ extern const char *const SESSION_KINDS[EXPOSURE_KINDS];
 extern const char *const SESSION_TABLES[]; /* in the order of the dump; ends with NULL */
 int session_make_schema(struct store *store, struct err *e);
 bool session_has_table(struct session *s, const char *table); /* a file of an older goniod may lack it */
+/* n numbers of a column of bytes; all NaN where it does not hold so many: a damaged file knows nothing of them. */
+void session_take_doubles(struct query *q, int at, double *value, size_t n);
 /* Every add is all or nothing: inside the caller's transaction, or in one of its own. */
 int session_enter(struct session *s, bool *own, struct err *e);
 int session_leave(struct session *s, bool own, int rc, struct err *e);

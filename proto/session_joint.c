@@ -86,13 +86,6 @@ int session_add_joint(struct session *s, const struct joint *joint, struct err *
     return rc < 0 ? rc : session_leave(s, own, write_joint(s, joint, e), e);
 }
 
-static void take_bytes(struct query *q, int at, void *to, size_t wanted) {
-    size_t size;
-    const void *bytes = query_bytes(q, at, &size);
-    if (size == wanted)
-        memcpy(to, bytes, size);
-}
-
 static void read_head(struct query *q, struct joint *j, int64_t *id) {
     int at = 0;
     *id = query_int(q, at++);
@@ -110,7 +103,7 @@ static void read_head(struct query *q, struct joint *j, int64_t *id) {
     int64_t at_bound = query_int(q, at++);
     for (int p = 0; p < MATERIAL_PARAMETERS; p++)
         j->at_bound[p] = at_bound >> p & 1;
-    take_bytes(q, at++, j->value, sizeof j->value);
+    session_take_doubles(q, at++, j->value, MATERIAL_PARAMETERS);
 }
 
 /* The rows' own values; S and beta' of a band that has no row are not known. */
@@ -151,7 +144,7 @@ static int read_matrices(struct session *s, int64_t id, struct joint *j, struct 
         query_bind_int(q, 0, id);
         if ((rc = query_step(q, e)) == 1)
             for (int at = 0; at < 2; at++) {
-                take_bytes(q, at, packed, joint_triangle(j->n) * sizeof *packed);
+                session_take_doubles(q, at, packed, joint_triangle(j->n));
                 joint_unpack(j->n, packed, at ? j->common : j->statistical);
             }
         query_reset(q);

@@ -23,7 +23,7 @@ static void get_text(struct query *q, int at, char *text, size_t size) {
     snprintf(text, size, "%s", query_text(q, at));
 }
 
-static void get_doubles(struct query *q, int at, double *value, size_t n) {
+void session_take_doubles(struct query *q, int at, double *value, size_t n) {
     size_t size;
     const void *bytes = query_bytes(q, at, &size);
     if (size == n * sizeof *value)
@@ -206,7 +206,7 @@ static int read_commons(struct session *s, struct point *p, struct err *e) {
         struct point_common *c = &p->common[p->n_common++];
         get_text(q, 0, c->name, sizeof c->name);
         c->mean = query_double(q, 1);
-        get_doubles(q, 2, c->sensitivity, BANDS);
+        session_take_doubles(q, 2, c->sensitivity, BANDS);
     }
     query_reset(q);
     return rc < 0 ? rc : 0;
@@ -260,7 +260,7 @@ static int bracket_row(struct session *s, struct query *q, void *arg, struct err
     b.mean_rate = query_double(q, 4);
     get_text(q, 5, b.ended_by, sizeof b.ended_by);
     b.last_exposure_id = query_int(q, 6);
-    get_doubles(q, 7, b.rate, BANDS);
+    session_take_doubles(q, 7, b.rate, BANDS);
     return w->seen(w->arg, &b);
 }
 

@@ -5,6 +5,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <fcntl.h>
+#include <math.h>
 #include <sqlite3.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -169,6 +170,19 @@ static void a_missing_row_is_named(void **state) {
     assert_int_equal(things_found, 1); /* nothing is missing before row 3 */
 }
 
+static void a_covariance_of_another_size_is_not_known(void **state) {
+    (void)state;
+    struct session *s;
+    struct estimate m;
+    make_session();
+    sql("DROP TRIGGER estimation_no_update; UPDATE estimation SET statistical = x'0000'");
+    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_last_estimate(s, &m, e));
+    assert_true(isnan(m.statistical[0][0]) &&
+                !isnan(m.common[0][0])); /* not zero: nothing would be as certain */
+    ROW_OK(session_close(s, e));
+}
+
 /* What user_version 1 was: no checksums, no linearity. */
 static void make_old(void) {
     static const char *const tables[] = {"fact",
@@ -224,9 +238,9 @@ static void an_older_file_is_read_and_goes_on(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        TEST(a_flipped_bit_of_a_spectrum_is_named), TEST(a_flipped_letter_of_a_fact_is_named),
-        TEST(no_flipped_bit_is_read_as_a_value),    TEST(a_missing_row_is_named),
-        TEST(an_older_file_is_read_and_goes_on),
+        TEST(a_flipped_bit_of_a_spectrum_is_named),      TEST(a_flipped_letter_of_a_fact_is_named),
+        TEST(no_flipped_bit_is_read_as_a_value),         TEST(a_missing_row_is_named),
+        TEST(a_covariance_of_another_size_is_not_known), TEST(an_older_file_is_read_and_goes_on),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
