@@ -155,15 +155,6 @@ static int take_list(const json_t *json, const char *key, double *value, size_t 
     return 0;
 }
 
-static int parameter_of(const char *model, const char *name) {
-    for (int p = 0; name && p < MATERIAL_PARAMETERS; p++) {
-        const char *known = material_parameter_name(model, p);
-        if (known && strcmp(known, name) == 0)
-            return p;
-    }
-    return -1;
-}
-
 static int take_rows(const json_t *json, struct joint *joint, int *n, struct err *e) {
     const json_t *rows = json_object_get(json, "rows");
     if (!json_is_array(rows) || json_array_size(rows) > JOINT_ROWS)
@@ -172,7 +163,7 @@ static int take_rows(const json_t *json, struct joint *joint, int *n, struct err
     for (int i = 0; i < *n; i++) {
         const json_t *row = json_array_get(rows, (size_t)i), *nm = json_array_get(row, 1);
         struct joint_row *to = &joint->row[i];
-        to->parameter = parameter_of(joint->model, json_string_value(json_array_get(row, 0)));
+        to->parameter = material_parameter_find(joint->model, json_string_value(json_array_get(row, 0)));
         to->band = nm ? ((int)json_integer_value(nm) - BAND_FIRST_NM) / BAND_STEP_NM : -1;
         if (to->parameter < 0 || to->band < -1 || to->band >= BANDS)
             return refuse(e, "rows", "parameters of its model at wavelengths of the bands");
@@ -225,7 +216,7 @@ static void take_values(const json_t *json, struct joint *joint) {
         joint->value[p] = key ? number_of(values, key) : NAN;
     }
     json_array_foreach(json_object_get(json, "at_bound"), i, name) {
-        int p = parameter_of(joint->model, json_string_value(name));
+        int p = material_parameter_find(joint->model, json_string_value(name));
         if (p >= 0)
             joint->at_bound[p] = true;
     }

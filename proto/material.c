@@ -56,8 +56,8 @@ const char *material_parameter_name(const char *model, int index) {
     return NULL;
 }
 
-static int parameter_index(const char *model, const char *name) {
-    for (int i = 0; i < MATERIAL_PARAMETERS; i++) {
+int material_parameter_find(const char *model, const char *name) {
+    for (int i = 0; name && i < MATERIAL_PARAMETERS; i++) {
         const char *known = material_parameter_name(model, i);
         if (known && strcmp(known, name) == 0)
             return i;
@@ -355,7 +355,7 @@ static int take_names(const json_t *object, const char *key, const char *model, 
     const json_t *list = json_object_get(object, key);
     for (size_t i = 0; i < json_array_size(list); i++) {
         const char *name = json_string_value(json_array_get(list, i));
-        int index = name ? parameter_index(model, name) : -1;
+        int index = material_parameter_find(model, name);
         if (index < 0)
             return refuse(e, key, "a list of the model's parameters");
         flag[index] = true;
@@ -388,7 +388,7 @@ static int take_gaps(const json_t *object, struct estimate *m, struct err *e) {
     for (size_t i = 0; i < json_array_size(list); i++) {
         const json_t *json = json_array_get(list, i), *next = json_object_get(json, "measure_next");
         const char *name = json_string_value(json_object_get(json, "parameter"));
-        int index = name ? parameter_index(m->model, name) : -1;
+        int index = material_parameter_find(m->model, name);
         if (index < 0)
             return refuse(e, key, "a list of objects with a 'parameter' of the model");
         struct material_gap *gap = &m->gap[index];

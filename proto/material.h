@@ -26,7 +26,7 @@
 extern "C" {
 #endif
 
-#define MATERIAL_PARAMETERS 8
+#define MATERIAL_PARAMETERS 8 /* one to spare: session files hold matrices of this size */
 #define MATERIAL_WARNINGS 12
 
 enum material_parameter {
@@ -96,6 +96,7 @@ struct estimate {
 
 /* "S", "sigma", ... "tail"; NULL where the model has no such parameter or there is no such model. */
 const char *material_parameter_name(const char *model, int index);
+int material_parameter_find(const char *model, const char *name); /* its index; -1: none, or no name */
 const char *material_loss_name(enum material_loss loss);   /* "ml", "ols", "log", "cuberoot", "cosine" */
 json_t *estimate_to_json(const struct estimate *estimate); /* NULL when out of memory */
 int estimate_from_json(const json_t *json, struct estimate *estimate, struct err *e);

@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 static void estimation_row(struct query *q, struct estimate *m) {
     double *const numbers[] = {&m->chi2, &m->bic, &m->r2, &m->median_relative_error, &m->specular_energy};

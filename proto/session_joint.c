@@ -1,7 +1,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "proto/session_internal.h"
 
@@ -117,11 +116,11 @@ static int read_rows(struct session *s, int64_t id, struct joint *j, int *n, str
     query_bind_int(q, 0, id);
     for (*n = 0; (rc = query_step(q, e)) == 1 && *n < JOINT_ROWS; ++*n) {
         struct joint_row *row = &j->row[*n];
-        const char *name = query_text(q, 0);
-        for (row->parameter = 0; row->parameter < MATERIAL_PARAMETERS - 1; row->parameter++) {
-            const char *known = material_parameter_name(j->model, row->parameter);
-            if (known && strcmp(known, name) == 0)
-                break;
+        row->parameter = material_parameter_find(j->model, query_text(q, 0));
+        if (row->parameter < 0) {
+            query_reset(q);
+            return err_set(e, ERR_INPUT,
+                           "%s: its joint fit is damaged: a row names no parameter of its model", s->path);
         }
         row->band = query_type(q, 1) == QUERY_NULL ? -1 : (int)(query_int(q, 1) % BANDS);
         if (row->band >= 0)
