@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "proto/file.h"
 #include "proto/lines.h"
 #include "proto/units.h"
 
@@ -274,16 +273,12 @@ static int read_all(struct reading *r) {
 
 int alta_read_text(const char *file, const char *text, size_t size, struct brdf *brdf,
                    struct err_list *errors) {
-    struct err e = {0};
-    memset(brdf, 0, sizeof *brdf);
-    if (file_check_text(file, text, size, &e) != 0) {
-        err_list_add(errors, &e);
-        return -ERR_INPUT;
-    }
     struct reading r = {.brdf = brdf, .errors = errors};
+    memset(brdf, 0, sizeof *brdf);
     brdf->azimuth_stated = true; /* ALTA's azimuths are those of directions */
-    lines_begin(&r.lines, file, text, size);
-    int rc = read_all(&r);
+    int rc = lines_begin(&r.lines, file, text, size, errors);
+    if (rc == 0)
+        rc = read_all(&r);
     if (rc != 0)
         brdf_free(brdf);
     return rc;

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "proto/file.h"
 #include "proto/lines.h"
 #include "proto/number.h"
 #include "proto/units.h"
@@ -229,20 +228,16 @@ static int read_rows(struct reading *r) {
 
 int astm_read_text(const char *file, const char *text, size_t size, struct brdf *brdf,
                    struct err_list *errors) {
-    struct err e = {0};
     memset(brdf, 0, sizeof *brdf);
-    if (file_check_text(file, text, size, &e) != 0) {
-        err_list_add(errors, &e);
-        return -ERR_INPUT;
-    }
     struct reading *r = calloc(1, sizeof *r);
     if (!r)
         return -ERR_NOMEM;
     memset(r->layout.angle, 0xff, sizeof r->layout.angle); /* -1: none */
     r->brdf = brdf;
     r->errors = errors;
-    lines_begin(&r->lines, file, text, size);
-    int rc = read_keys(r);
+    int rc = lines_begin(&r->lines, file, text, size, errors);
+    if (rc == 0)
+        rc = read_keys(r);
     if (rc == 0)
         rc = read_rows(r);
     if (rc != 0)

@@ -3,10 +3,16 @@
 #include <stdarg.h>
 #include <string.h>
 
+#include "proto/file.h"
 #include "proto/number.h"
 
-void lines_begin(struct lines *l, const char *file, const char *text, size_t size) {
+int lines_begin(struct lines *l, const char *file, const char *text, size_t size, struct err_list *errors) {
+    struct err e = {0};
     *l = (struct lines){.file = file, .next = text, .end = text + size, .text = text};
+    int rc = file_check_text(file, text, size, &e);
+    if (rc != 0)
+        err_list_add(errors, &e);
+    return rc;
 }
 
 bool lines_next(struct lines *l) {

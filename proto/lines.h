@@ -20,7 +20,8 @@ struct lines {
     int number; /* from 1 */
 };
 
-void lines_begin(struct lines *l, const char *file, const char *text, size_t size);
+/* -ERR_INPUT where the bytes are no text (file_check_text). */
+int lines_begin(struct lines *l, const char *file, const char *text, size_t size, struct err_list *errors);
 bool lines_next(struct lines *l);
 bool lines_blank(const struct lines *l);
 /* The first bytes are this word, and a blank or the end follows; *rest is the text behind it (size *rest_size). */
