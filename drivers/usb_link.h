@@ -39,7 +39,6 @@ struct usb_transfer {
     int status;
     bool pending;
     int64_t submitted_us, completed_us;
-    void *owner; /* the link's own bookkeeping while pending */
 };
 
 struct usb_device_info {
@@ -88,12 +87,12 @@ int usb_link_serve(struct usb_link *link, struct bench *bench, struct err *e);
 /* Takes the link from the bench (NULL: it serves none) and closes it; a link never opened is left alone. */
 void usb_link_close(struct usb_link *link, struct bench *bench);
 
-static inline bool usb_link_has(const struct usb_link *link, uint8_t endpoint) {
-    return link->info.max_packet[(endpoint & 0x80 ? 16 : 0) + (endpoint & 0x0f)] > 0;
-}
-
 static inline int usb_link_max_packet(const struct usb_link *link, uint8_t endpoint) {
     return link->info.max_packet[(endpoint & 0x80 ? 16 : 0) + (endpoint & 0x0f)];
+}
+
+static inline bool usb_link_has(const struct usb_link *link, uint8_t endpoint) {
+    return usb_link_max_packet(link, endpoint) > 0;
 }
 
 /* Submits and waits in bench_wait; on the deadline cancels and waits for the transfer to come home.

@@ -11,7 +11,6 @@
 
 #include "proto/units.h"
 
-#define SLOTS 16
 #define INTERFACE 0     /* the only one of these devices (spectrometer-ocean.md 2.1) */
 #define CONFIGURATION 1 /* likewise */
 #define RULE "drivers/60-goniod.rules"

@@ -179,6 +179,10 @@ static void on_configuration_status(void *priv, uint64_t id,
     (void)status;
 }
 
+static int host_gone(struct err *e) {
+    return err_set(e, ERR_LINK, "the USB redirection host is gone: check it, then open the link again");
+}
+
 static int submit(void *self, struct usb_transfer *t, struct err *e) {
     struct redir *r = self;
     struct slot *s = NULL;
@@ -186,7 +190,7 @@ static int submit(void *self, struct usb_transfer *t, struct err *e) {
         if (!r->slot[i].t)
             s = &r->slot[i];
     if (r->gone)
-        return err_set(e, ERR_LINK, "the USB redirection host is gone: check it, then open the link again");
+        return host_gone(e);
     if (!s)
         return err_set(e, ERR_BUSY, "%d USB transfers are under way already", SLOTS);
     *s = (struct slot){.t = t, .id = r->next_id++, .abandon_us = CLOCK_NEVER};
@@ -234,7 +238,7 @@ static void cancel(void *self, struct usb_transfer *t) {
 static int clear_halt(void *self, uint8_t endpoint, struct err *e) {
     struct redir *r = self;
     if (r->gone)
-        return err_set(e, ERR_LINK, "the USB redirection host is gone: check it, then open the link again");
+        return host_gone(e);
     struct usb_redir_control_packet_header header = {
         .request = CLEAR_FEATURE, .requesttype = TO_ENDPOINT, .index = endpoint};
     usbredirparser_send_control_packet(r->parser, r->next_id++, &header, NULL, 0);
@@ -245,7 +249,7 @@ static int clear_halt(void *self, uint8_t endpoint, struct err *e) {
 static int reset(void *self, struct err *e) {
     struct redir *r = self;
     if (r->gone)
-        return err_set(e, ERR_LINK, "the USB redirection host is gone: check it, then open the link again");
+        return host_gone(e);
     usbredirparser_send_reset(r->parser);
     flush(r);
     return 0;

@@ -171,7 +171,8 @@ static const struct yaml_key WATCHDOG_KEYS[] = {
      .type = YAML_CHOICE,
      IN(watchdog, any_traffic),
      .choices = FEEDS,
-     .default_text = "unit"},
+     .default_text = "unit",
+     .doc = "recorded only: each axis polls its own unit often enough for either"},
     {.name = NULL},
 };
 

@@ -3,8 +3,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "sim/draw.h"
-
 #define EP1_PACKET 64 /* the vendor's sheets; spectrometer-ocean.md 2.1 */
 #define BULK_PACKET 512
 #define FPGA_VERSION 0x04

@@ -13,8 +13,7 @@ enum {
     SLOT_BENCH = 15,
     SLOT_CONFIG = 16,
     SLOT_SATURATION = 17,
-    SLOT_BAUD = 18,
-    SLOT_LAST_TEXT = 18
+    SLOT_BAUD = 18
 };
 
 /* Text, its NUL, and after it whatever an earlier, longer text left: readers must stop at the NUL. */

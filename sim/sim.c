@@ -7,8 +7,6 @@
 #include "sim/draw.h"
 #include "sim/sim_bench.h"
 
-static const char *const ROLE[TRUTH_ROLES] = {"source", "sample", "holder"};
-
 void sim_config_default(struct sim_config *config) {
     *config = (struct sim_config){.seed = 1,
                                   .spectrometer = "usb2000plus",
@@ -34,13 +32,13 @@ void sim_config_default(struct sim_config *config) {
                                       .speed_deg_s = 20,
                                       .accel_deg_s2 = 40,
                                       .watchdog_ms = 1000};
-        strcpy(a->role, ROLE[r]);
+        strcpy(a->role, truth_roles[r]);
     }
 }
 
 static int find_role(const char *role) {
     int r = 0;
-    while (r < TRUTH_ROLES && strcmp(ROLE[r], role) != 0)
+    while (r < TRUTH_ROLES && strcmp(truth_roles[r], role) != 0)
         r++;
     return r;
 }

@@ -3,9 +3,10 @@
  *
  * Light: lamp (warm-up, Brownian drift) x geometry (spots, etendue, both filling cases) x surface x spectrometer
  * response + stray light -> electrons -> noise -> counts. Counts are formed from irradiance and etendue; nothing
- * here is shared with the reduction, and the average over the widths of source and sensor not with the fit. Devices: axes behind Modbus registers, an Ocean spectrometer behind bulk
- * endpoints, each coded here from the sheets, never with a driver's codec. Its diffuser, its axis zeros and the
- * polarisation differ from certificate and config by draws from their stated uncertainties.
+ * here is shared with the reduction, and the average over the widths of source and sensor not with the fit.
+ * Devices: axes behind Modbus registers, an Ocean spectrometer behind bulk endpoints, each coded here from the
+ * sheets, never with a driver's codec. Its diffuser, its axis zeros and the polarisation differ from
+ * certificate and config by draws from their stated uncertainties.
  *
  * Promises   noise and repeatability are functions of (seed, device, commanded position, holder, lamp, exposure
  *            time, visit, n-th frame of the visit), not of call order. Seed in, same bench out.

@@ -17,7 +17,6 @@ static void complete(struct sim_usb *s, int i, int status) {
     t->status = status;
     t->completed_us = clock_now_us(s->bench->clock);
     t->pending = false;
-    t->owner = NULL;
     memmove(s->pending + i, s->pending + i + 1, sizeof s->pending[0] * (size_t)(--s->n - i));
 }
 
@@ -58,7 +57,6 @@ static int submit(void *self, struct usb_transfer *t, struct err *e) {
     t->status = 0;
     t->submitted_us = now_us;
     t->pending = true;
-    t->owner = s;
     s->pending[s->n++] = t;
     if (!(t->endpoint & 0x80)) {
         sim_bench_update(s->bench, now_us);

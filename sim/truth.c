@@ -16,7 +16,7 @@ struct moment {
     bool lit;
 };
 
-static const char *const ROLE[TRUTH_ROLES] = {"source", "sample", "holder"};
+const char *const truth_roles[TRUTH_ROLES] = {"source", "sample", "holder"};
 
 static double draw(const struct sim_config *c, const char *what, const char *which) {
     return c->quiet ? 0 : draw_normal(draw_fold(draw_fold(c->seed, draw_word(what)), draw_word(which)));
@@ -28,7 +28,7 @@ static void init_axes(struct truth *t, const struct sim_config *c) {
     for (int i = 0; i < c->n_axes; i++)
         for (int r = 0; r < TRUTH_ROLES; r++) {
             const struct sim_axis_config *a = &c->axis[i];
-            if (strcmp(a->role, ROLE[r]) != 0)
+            if (strcmp(a->role, truth_roles[r]) != 0)
                 continue;
             t->axis[r].direction = a->direction < 0 ? -1 : 1;
             t->axis[r].stated_zero_deg = a->zero_deg;

@@ -40,6 +40,8 @@ struct truth_axis {
     double manual_deg;
 };
 
+extern const char *const truth_roles[TRUTH_ROLES]; /* "source", "sample", "holder" */
+
 enum truth_kind { TRUTH_NOTHING, TRUTH_DIFFUSER, TRUTH_SURFACE };
 
 struct truth_mount {
