@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "tests/support/session_rows.h"
+#include "tests/support/seed.h"
 
 #define KILLS 12
 
@@ -122,9 +123,7 @@ static int count(const char *path) {
 
 static void every_committed_row_survives_the_kill(void **state) {
     (void)state;
-    const char *given = getenv("SEED");
-    unsigned seed = given ? (unsigned)strtoul(given, NULL, 0) : (unsigned)time(NULL);
-    printf("# seed %u; repeat with SEED=%u build/tests/crash/test_session_kill\n", seed, seed);
+    unsigned seed = (unsigned)test_seed((uint64_t)time(NULL));
     char folder[64], path[96];
     struct session *s;
     struct err e = {0};

@@ -1,18 +1,17 @@
 /* Spectra of the simulated bench through the real driver, in virtual time: whatever changes between two sets,
- * and whenever, no frame shows two states. Repeat a failure with the seed it prints:
- *     GONIOD_TEST_SEED=N build/tests/scenario/test_spectra */
+ * and whenever, no frame shows two states. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "drivers/spectrometer.h"
 #include "proto/units.h"
 #include "sim/sim.h"
+#include "tests/support/seed.h"
 
 #define SETS 300
 #define SCANS 3
@@ -257,9 +256,6 @@ int main(void) {
         cmocka_unit_test(the_bench_is_read_as_it_describes_itself),
         cmocka_unit_test(a_dead_session_leaves_no_trace),
     };
-    const char *given = getenv("GONIOD_TEST_SEED");
-    seed = state = given ? strtoull(given, NULL, 10) : 20261122;
-    print_message("# seed %llu (GONIOD_TEST_SEED=%llu build/tests/scenario/test_spectra)\n",
-                  (unsigned long long)seed, (unsigned long long)seed);
+    seed = state = test_seed(20261122);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

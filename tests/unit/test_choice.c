@@ -4,25 +4,18 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/choice.h"
 #include "fit/estimate.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/seed.h"
+
+#define SEED 12
 
 static struct goniometry m;
 static struct estimate estimates[REFLECTANCE_MODELS];
 static struct choice choice[REFLECTANCE_MODELS];
-
-/* A failure names what repeats it. */
-static uint64_t seed(void) {
-    const char *text = getenv("GONIOD_TEST_SEED");
-    uint64_t value = text ? strtoull(text, NULL, 0) : 12;
-    print_message("# seed %llu: GONIOD_TEST_SEED=%llu build/tests/unit/test_choice\n",
-                  (unsigned long long)value, (unsigned long long)value);
-    return value;
-}
 
 static void compare(void) {
     m.input.cross_validate = true;
@@ -73,7 +66,7 @@ static const double truth[REFLECTANCE_MODELS][MATERIAL_PARAMETERS] = {
 /* Whatever the surface, its own model is found, and a richer one hardly ever. */
 static void the_surface_s_own_model_is_recommended(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     int wrong = 0, richer = 0;
     for (int model = 0; model < REFLECTANCE_MODELS; model++) {
         for (int run = 0; run < 3; run++) {
@@ -98,7 +91,7 @@ static void the_surface_s_own_model_is_recommended(void **state) {
 
 static void what_is_left_out_is_said(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     make(REFLECTANCE_COMPOSITE, truth[REFLECTANCE_COMPOSITE], &d);
     compare();
     assert_ptr_equal(choice[0].estimate, &estimates[REFLECTANCE_COMPOSITE]);
@@ -156,7 +149,7 @@ static void correlated_points_count_for_less(void **state) {
 /* Without a lobe the others foretell nothing of it, and still no model is refused for want of a start. */
 static void few_incidences_keep_to_the_paper(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     make(REFLECTANCE_HEAVY_TAIL, truth[REFLECTANCE_HEAVY_TAIL], &d);
     size_t n = 0;
     for (size_t i = 0; i < m.input.n; i++) { /* 30 and 60 deg */

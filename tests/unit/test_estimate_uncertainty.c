@@ -4,13 +4,14 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/aperture.h"
 #include "fit/estimate.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/seed.h"
 
+#define SEED 8
 #define RUNS 150
 #define SCALE_U 0.01    /* certificate */
 #define DRIFT_RATE 1e-9 /* relative variance per second */
@@ -20,15 +21,6 @@
 
 static struct goniometry m;
 static const struct reflectance_optics plain = {.kappa = 1, .q = 1};
-
-/* A failure names what repeats it. */
-static uint64_t seed(void) {
-    const char *text = getenv("GONIOD_TEST_SEED");
-    uint64_t value = text ? strtoull(text, NULL, 0) : 8;
-    print_message("# seed %llu: GONIOD_TEST_SEED=%llu build/tests/unit/test_estimate_uncertainty\n",
-                  (unsigned long long)value, (unsigned long long)value);
-    return value;
-}
 
 /* What the fit is told of the common causes; the same arrays in every run. */
 struct causes {
@@ -129,7 +121,7 @@ static bool says(const struct estimate *estimate, const char *words) {
 static void total_covers_certificate_references_drift_and_zeros(void **state) {
     (void)state;
     static struct causes causes;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     double truth[GONIOMETRY_MAX], square[5] = {0}, noise_only[5] = {0}, distance = 0;
     int misfits = 0;
     goniometry_make(&m, goniometry_set[2], 60, 5);

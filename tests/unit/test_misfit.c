@@ -4,25 +4,18 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/estimate.h"
 #include "fit/reflectance.h"
 #include "fit/sweeps.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/seed.h"
+
+#define SEED 31
 
 static struct goniometry m;
 static const struct reflectance_optics plain = {.kappa = 1, .q = 1};
-
-/* A failure names what repeats it. */
-static uint64_t seed(void) {
-    const char *text = getenv("GONIOD_TEST_SEED");
-    uint64_t value = text ? strtoull(text, NULL, 0) : 31;
-    print_message("# seed %llu: GONIOD_TEST_SEED=%llu build/tests/unit/test_misfit\n",
-                  (unsigned long long)value, (unsigned long long)value);
-    return value;
-}
 
 static bool says(const struct estimate *estimate, const char *words) {
     for (int i = 0; i < estimate->n_warnings; i++) {
@@ -94,7 +87,7 @@ static void noise_u(const struct estimate *at, double *u) {
  * within the u they state, which the u of noise alone does not cover. */
 static void two_halves_agree_within_their_u(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     struct estimate half[2];
     double noise[2][5], worst = 0;
     for (int h = 0; h < 2; h++) {
@@ -120,7 +113,7 @@ static void two_halves_agree_within_their_u(void **state) {
 /* The same misfit seen by a file without any uncertainty: the residuals themselves must give it away. */
 static void without_u_the_residuals_tell(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     struct estimate estimate;
     make_tailed(10, 10, &d);
     m.input.u_ind = NULL;
@@ -140,7 +133,7 @@ static void without_u_the_residuals_tell(void **state) {
 /* The paper's unweighted fit of data of unequal, stated u: chi-square is not n - k, and still no false alarm. */
 static void an_unweighted_fit_is_judged_by_its_own_expectation(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     struct estimate estimate;
     int alarms = 0;
     double sum = 0;
@@ -166,7 +159,7 @@ static void correlated_residuals_count_for_less(void **state) {
     (void)state;
     enum { N = 4000 };
     static double theta_i_deg[N], theta_v_deg[N], residual[N];
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     const double r[] = {0, 0.5, 0.9};
     for (size_t i = 0; i < N; i++) { /* out of order: the sweeps must be found */
         size_t at = (i * 1237) % N;

@@ -4,27 +4,19 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/aperture.h"
 #include "fit/estimate.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/seed.h"
 
+#define SEED 11
 #define RUNS 60
 #define PRIOR_U_DEG 0.05
 
 static struct goniometry m;
 static const struct reflectance_optics plain = {.kappa = 1, .q = 1};
-
-/* A failure names what repeats it. */
-static uint64_t seed(void) {
-    const char *text = getenv("GONIOD_TEST_SEED");
-    uint64_t value = text ? strtoull(text, NULL, 0) : 11;
-    print_message("# seed %llu: GONIOD_TEST_SEED=%llu build/tests/unit/test_nuisance\n",
-                  (unsigned long long)value, (unsigned long long)value);
-    return value;
-}
 
 /* Points of a set seen with both zeros off, before noise. */
 static void make(int set, double zero_source_deg, double zero_sample_deg) {
@@ -56,7 +48,7 @@ static bool says(const struct estimate *estimate, const char *words) {
 
 static void an_offset_is_found_within_its_uncertainty(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     double offset_pull2 = 0, pull2[5] = {0};
     for (int run = 0; run < RUNS; run++) {
         double source_deg = PRIOR_U_DEG * dice_normal(&d), sample_deg = PRIOR_U_DEG * dice_normal(&d);
@@ -99,7 +91,7 @@ static double chi2_at(double offset_deg) {
 
 static void it_is_the_minimum_of_chi_square_with_its_prior(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     struct estimate estimate;
     make(2, 0, 0.04);
     goniometry_noise(&m, &d);

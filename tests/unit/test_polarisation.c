@@ -4,25 +4,17 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fit/aperture.h"
 #include "fit/estimate.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/seed.h"
 
+#define SEED 5
 #define RUNS 80
 
 static struct goniometry m;
-
-/* A failure names what repeats it. */
-static uint64_t seed(void) {
-    const char *text = getenv("GONIOD_TEST_SEED");
-    uint64_t value = text ? strtoull(text, NULL, 0) : 5;
-    print_message("# seed %llu: GONIOD_TEST_SEED=%llu build/tests/unit/test_polarisation\n",
-                  (unsigned long long)value, (unsigned long long)value);
-    return value;
-}
 
 /* Points of a set through an instrument that prefers P, looks from di and dv away, and is 1 deg wide; no noise. */
 static void make(int set, double polarisation, double zero_source_deg, double zero_sample_deg) {
@@ -97,7 +89,7 @@ static void a_stated_polarisation_is_found_and_its_prior_respected(void **state)
 
 static void all_together_cover(void **state) {
     (void)state;
-    struct dice d = {seed()};
+    struct dice d = {test_seed(SEED)};
     double pull2[5] = {0}, polarisation2 = 0, offset2 = 0;
     for (int run = 0; run < RUNS; run++) {
         double p = 0.02 * dice_normal(&d), source_deg = 0.02 * dice_normal(&d),

@@ -14,6 +14,7 @@
 #include "proto/session_linearity.h"
 #include "tests/support/session_rows.h"
 #include "tests/support/synthetic_bench.h"
+#include "tests/support/seed.h"
 
 /* Whole little campaigns on counts that synthetic_bench forms from light, against the truth it was given. */
 
@@ -192,14 +193,6 @@ static void four_modes_agree_in_both_fillings(void **state) {
         }
 }
 
-static uint64_t test_seed(const char *program) {
-    const char *given = getenv("SEED");
-    uint64_t seed = given ? strtoull(given, NULL, 0) : (uint64_t)time(NULL);
-    printf("# seed %llu; repeat with SEED=%llu build/tests/unit/%s\n", (unsigned long long)seed,
-           (unsigned long long)seed, program);
-    return seed;
-}
-
 static double common_variance(const struct point *p, int band, const char *prefix) {
     double sum = 0;
     for (int k = 0; k < p->n_common; k++)
@@ -233,7 +226,7 @@ static void judge(const struct pulls *p, const char *name) {
 /* Each campaign: one dark for both, open, sample, close; noise alone, so all that may differ is in the budget. */
 static void noise_is_what_the_budget_says(void **state) {
     (void)state;
-    uint64_t seed = test_seed("test_reduce_bench");
+    uint64_t seed = test_seed((uint64_t)time(NULL));
     struct pulls mean = {0}, blue = {0}, green = {0}, pair = {0};
     double f_sum = 0;
     int noisy = 0;
@@ -278,7 +271,7 @@ static void noise_is_what_the_budget_says(void **state) {
 /* Two exposure times, noise and a lamp that wanders in between: the error found scatters about 0 by its u. */
 static void the_overlap_scatters_as_its_u_says(void **state) {
     (void)state;
-    uint64_t seed = test_seed("test_reduce_bench");
+    uint64_t seed = test_seed((uint64_t)time(NULL));
     struct pulls pulls = {0};
     double u = 0;
     for (int c = 0; c < CAMPAIGNS; c++) {
@@ -324,7 +317,7 @@ static void scatter_beyond_the_model_is_told_and_paid_for(void **state) {
 /* Drift alone, many brackets: the rate is found, and the bridge's variance is what final points scatter by. */
 static void drift_is_what_the_bridge_says(void **state) {
     (void)state;
-    uint64_t seed = test_seed("test_reduce_bench");
+    uint64_t seed = test_seed((uint64_t)time(NULL));
     const double rate = 4e-8;
     struct pulls bridged = {0};
     double rates = 0;

@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "proto/session_linearity.h"
+#include "tests/support/seed.h"
 #include "tests/support/session_rows.h"
 
 #define FLIPS 400
@@ -124,9 +125,7 @@ static void a_flipped_letter_of_a_fact_is_named(void **state) {
 /* Wherever a bit flips: verify says so, or no value has changed (room that is not in use). */
 static void no_flipped_bit_is_read_as_a_value(void **state) {
     (void)state;
-    const char *given = getenv("SEED");
-    unsigned seed = given ? (unsigned)strtoul(given, NULL, 0) : (unsigned)time(NULL);
-    print_message("# seed %u; repeat with SEED=%u build/tests/unit/test_session_damage\n", seed, seed);
+    unsigned seed = (unsigned)test_seed((uint64_t)time(NULL));
     make_session();
     struct stat st;
     stat(path, &st);

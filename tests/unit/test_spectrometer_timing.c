@@ -1,15 +1,14 @@
 /* The free-run models of spectrometer-ocean.md 4, played at random against the bounds that the driver states:
- * no bound may lie after the true start of an integration. Repeat a failure with the seed it prints:
- *     GONIOD_TEST_SEED=N build/tests/unit/test_spectrometer_timing */
+ * no bound may lie after the true start of an integration. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "drivers/spectrometer_timing.h"
+#include "tests/support/seed.h"
 
 #define FRAMES 20000
 
@@ -232,9 +231,6 @@ int main(void) {
         cmocka_unit_test(consecutive_frames_are_all_kept),
         cmocka_unit_test(nothing_is_fresh_before_a_change_is_verified),
     };
-    const char *seed = getenv("GONIOD_TEST_SEED");
-    state = seed ? strtoull(seed, NULL, 10) : 20261122;
-    print_message("# seed %llu (GONIOD_TEST_SEED=%llu %s)\n", (unsigned long long)state,
-                  (unsigned long long)state, "build/tests/unit/test_spectrometer_timing");
+    state = test_seed(20261122);
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

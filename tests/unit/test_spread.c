@@ -10,6 +10,7 @@
 #include "fit/cholesky.h"
 #include "fit/reflectance.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/seed.h"
 
 /* Is the estimate as good as any can be, and does its u say so? Many fits of each published set on the 198-point grid
  * (reflection-model.md 3): their spread over the Cramer-Rao bound, their bias, and how often value +- 1.96 u holds the
@@ -23,11 +24,6 @@
 #define K 5
 
 static struct goniometry m;
-
-static uint64_t number_of(const char *name, uint64_t usual) {
-    const char *text = getenv(name);
-    return text ? strtoull(text, NULL, 0) : usual;
-}
 
 /* The smallest standard deviations an unbiased estimate can have: those of the Fisher information at the truth. */
 static void cramer_rao(double *sd) {
@@ -106,12 +102,10 @@ static void check_set(int set, size_t n, uint64_t seed) {
 }
 
 static void the_estimate_is_at_its_bound(void **state) {
-    size_t n = number_of("SPREAD_FITS", 400);
-    uint64_t seed = number_of("GONIOD_TEST_SEED", 20240611);
-    print_message(
-        "# %zu fits a set, seed %llu: SPREAD_FITS=%zu GONIOD_TEST_SEED=%llu build/tests/unit/test_spread\n",
-        n, (unsigned long long)seed, n, (unsigned long long)seed);
-    check_set(*(const int *)*state, n, seed);
+    const char *fits = getenv("SPREAD_FITS");
+    size_t n = fits ? strtoull(fits, NULL, 0) : 400;
+    print_message("# SPREAD_FITS=%zu\n", n);
+    check_set(*(const int *)*state, n, test_seed(20240611));
 }
 
 int main(void) {

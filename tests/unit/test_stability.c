@@ -9,14 +9,9 @@
 #include <string.h>
 
 #include "fit/stability.h"
+#include "tests/support/seed.h"
 
 #define LIMIT_S 60
-
-/* A failure names what repeats it: goniofit stability --seed N, or GONIOD_TEST_SEED=N build/tests/unit/test_stability */
-static uint64_t seed(void) {
-    const char *text = getenv("GONIOD_TEST_SEED");
-    return text ? strtoull(text, NULL, 0) : 1;
-}
 
 /* Every case of the table: none hangs, crashes or lies, and both solvers end at the same place. */
 static void no_case_lies(void **state) {
@@ -24,12 +19,11 @@ static void no_case_lies(void **state) {
     struct stability_case *cases;
     size_t n, good = 0, refused = 0;
     struct err e = {0};
-    print_message("# seed %llu: goniofit stability --seed %llu\n", (unsigned long long)seed(),
-                  (unsigned long long)seed());
+    const uint64_t seed = test_seed(1); /* or: goniofit stability --seed N */
     assert_int_equal(stability_cases(false, &cases, &n, &e), 0);
     for (size_t i = 0; i < n; i++) {
         struct stability_result r;
-        assert_int_equal(stability_run(&cases[i], seed(), LIMIT_S, &r, &e), 0);
+        assert_int_equal(stability_run(&cases[i], seed, LIMIT_S, &r, &e), 0);
         good += r.verdict == STABILITY_GOOD;
         refused += r.verdict == STABILITY_REFUSED;
         if (r.verdict != STABILITY_GOOD && r.verdict != STABILITY_REFUSED) {
