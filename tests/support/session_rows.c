@@ -181,3 +181,17 @@ void row_remove_folder(const char *folder) {
         closedir(dir);
     rmdir(folder);
 }
+
+char row_folder[64], row_path[96];
+
+int row_setup(void **state) {
+    (void)state;
+    row_make_folder(row_folder, row_path);
+    return 0;
+}
+
+int row_teardown(void **state) {
+    (void)state;
+    row_remove_folder(row_folder);
+    return 0;
+}

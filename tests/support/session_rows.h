@@ -31,4 +31,9 @@ struct session *row_fill(const char *path, int n_points);
 void row_make_folder(char folder[64], char path[96]);
 void row_remove_folder(const char *folder);
 
+/* The same as setup and teardown of a test. */
+extern char row_folder[64], row_path[96];
+int row_setup(void **state);
+int row_teardown(void **state);
+
 #endif

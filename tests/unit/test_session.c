@@ -11,24 +11,6 @@
 
 #include "tests/support/session_rows.h"
 
-static char folder[64], path[96];
-
-static int make_folder(void **state) {
-    (void)state;
-    row_make_folder(folder, path);
-    return 0;
-}
-
-static int remove_folder(void **state) {
-    (void)state;
-    row_remove_folder(folder);
-    return 0;
-}
-
-static struct session *fill(int n_points) {
-    return row_fill(path, n_points);
-}
-
 static bool same_double(double a, double b) {
     return a == b || (isnan(a) && isnan(b));
 }
@@ -104,10 +86,10 @@ static int see_point(void *arg, const struct point *p) {
 
 static void exposures_and_points_come_back(void **state) {
     (void)state;
-    ROW_OK(session_close(fill(12), e));
+    ROW_OK(session_close(row_fill(row_path, 12), e));
     struct session *s;
     int exposures = 0, points = 0;
-    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_open(&s, row_path, true, e));
     ROW_OK(session_each_exposure(s, see_exposure, &exposures, e));
     ROW_OK(session_each_point(s, true, see_point, &points, e));
     assert_int_equal(exposures, 12);
@@ -164,7 +146,7 @@ static int see_text(void *arg, const char *key, const char *value) {
 
 static void brackets_events_exchanges_and_texts_come_back(void **state) {
     (void)state;
-    struct session *s = fill(0);
+    struct session *s = row_fill(row_path, 0);
     static const uint8_t request[] = {1, 3, 0, 0xCC, 0, 2}, reply[] = {0, 0, 0x30, 0x39};
     for (int n = 1; n <= 3; n++) {
         struct bracket b;
@@ -244,7 +226,7 @@ static int see_estimate(void *arg, int64_t us, int64_t last_point_id, const stru
 
 static void estimates_come_back(void **state) {
     (void)state;
-    struct session *s = fill(3);
+    struct session *s = row_fill(row_path, 3);
     struct estimate m;
     assert_int_equal(session_last_estimate(s, &m, NULL), -ERR_STATE);
     for (int n = 1; n <= 3; n++) {
@@ -261,7 +243,7 @@ static void estimates_come_back(void **state) {
 
 static void slopes_belong_to_the_newest_estimate(void **state) {
     (void)state;
-    struct session *s = fill(3);
+    struct session *s = row_fill(row_path, 3);
     struct estimate m;
     const struct point_slope slope[] = {{1, .25, -.5}, {2, 1e-3, 0}};
     for (int n = 1; n <= 2; n++) {
@@ -283,7 +265,7 @@ static void slopes_belong_to_the_newest_estimate(void **state) {
 
 static void a_joint_fit_stands_beside_its_estimate(void **state) {
     (void)state;
-    struct session *s = fill(3);
+    struct session *s = row_fill(row_path, 3);
     struct estimate m;
     struct joint joint = {.model = "composite", .converged = true, .kappa = 1, .n_bands = 2, .chi2 = 1.5},
                  back;
@@ -305,7 +287,7 @@ static void a_joint_fit_stands_beside_its_estimate(void **state) {
     ROW_OK(session_add_estimate(s, 1000, 1, &m, e));
     ROW_OK(session_add_joint(s, &joint, e));
     ROW_OK(session_close(s, e));
-    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_open(&s, row_path, true, e));
     ROW_OK(session_last_joint(s, &back, e));
     assert_true(back.n == 3 && back.kappa == 1 && back.at_bound[MATERIAL_N] && !back.at_bound[MATERIAL_S]);
     assert_memory_equal(back.row, joint.row, sizeof joint.row[0] * 3);
@@ -318,12 +300,12 @@ static void a_joint_fit_stands_beside_its_estimate(void **state) {
     ROW_OK(session_close(s, e));
 }
 
-#define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
+#define TEST(f) cmocka_unit_test_setup_teardown(f, row_setup, row_teardown)
 
 /* --make FILE: a session for tests/unit/test_session_format.py. */
 static int make_example(const char *file) {
-    snprintf(path, sizeof path, "%s", file);
-    struct session *s = fill(2);
+    snprintf(row_path, sizeof row_path, "%s", file);
+    struct session *s = row_fill(row_path, 2);
     struct point p;
     struct bracket b;
     ROW_OK(session_set_text(s, "goniod_version", "0.1.0", e));

@@ -20,23 +20,9 @@
 
 #define FLIPS 400
 
-static char folder[64], path[96];
-
-static int make_folder(void **state) {
-    (void)state;
-    row_make_folder(folder, path);
-    return 0;
-}
-
-static int remove_folder(void **state) {
-    (void)state;
-    row_remove_folder(folder);
-    return 0;
-}
-
 /* At least one row in every table. */
 static void make_session(void) {
-    struct session *s = row_fill(path, 3);
+    struct session *s = row_fill(row_path, 3);
     struct estimate m;
     struct bracket b = {.number = 1, .open_us = 10, .ended_by = "hold", .last_exposure_id = 3};
     struct linearity l = {.step = 1, .long_id = 1, .short_id = 2, .ratio = 1.0 / 3, .pull = -1};
@@ -56,7 +42,7 @@ static char *dump(void) {
     struct session *s;
     char *text = NULL;
     size_t size;
-    if (session_open(&s, path, true, NULL) < 0)
+    if (session_open(&s, row_path, true, NULL) < 0)
         return NULL;
     FILE *out = open_memstream(&text, &size);
     int rc = session_dump(s, out, NULL);
@@ -74,7 +60,7 @@ static size_t things_found; /* by the last found_in */
 static const char *found_in(char text[600]) {
     struct err_list found = {0};
     struct err e = {0};
-    int rc = session_verify(path, &found, &e);
+    int rc = session_verify(row_path, &found, &e);
     things_found = found.n;
     snprintf(text, 600, "%s", rc == 0 ? "" : found.n ? found.item[0].text : e.text);
     err_list_free(&found);
@@ -83,7 +69,7 @@ static const char *found_in(char text[600]) {
 
 static void flip(off_t at, int bit) {
     uint8_t byte;
-    int fd = open(path, O_RDWR);
+    int fd = open(row_path, O_RDWR);
     assert_int_equal(pread(fd, &byte, 1, at), 1);
     byte ^= (uint8_t)(1 << bit);
     assert_int_equal(pwrite(fd, &byte, 1, at), 1);
@@ -92,7 +78,7 @@ static void flip(off_t at, int bit) {
 
 static off_t find(const void *bytes, size_t size) {
     static uint8_t file[1 << 20];
-    int fd = open(path, O_RDONLY);
+    int fd = open(row_path, O_RDONLY);
     ssize_t n = read(fd, file, sizeof file);
     close(fd);
     const uint8_t *at = memmem(file, (size_t)n, bytes, size);
@@ -128,7 +114,7 @@ static void no_flipped_bit_is_read_as_a_value(void **state) {
     unsigned seed = (unsigned)test_seed((uint64_t)time(NULL));
     make_session();
     struct stat st;
-    stat(path, &st);
+    stat(row_path, &st);
     char *whole = dump(), text[600];
     int n_found = 0;
     for (int k = 0; k < FLIPS; k++) {
@@ -152,7 +138,7 @@ static void no_flipped_bit_is_read_as_a_value(void **state) {
 
 static void sql(const char *text) {
     sqlite3 *db;
-    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_open(row_path, &db), SQLITE_OK);
     if (sqlite3_exec(db, text, NULL, NULL, NULL) != SQLITE_OK)
         fail_msg("%s: %s", text, sqlite3_errmsg(db));
     sqlite3_close(db);
@@ -218,7 +204,7 @@ static void an_older_file_is_read_and_goes_on(void **state) {
     assert_non_null(before);
     assert_null(strstr(before, "linearity\t"));
     assert_string_equal(found_in(text), "");
-    ROW_OK(session_open(&s, path, false, e));
+    ROW_OK(session_open(&s, row_path, false, e));
     ROW_OK(session_add_event(s, 10, "resume", "{}", e));
     struct linearity l = {.step = 1, .long_id = 1, .short_id = 2};
     ROW_OK(session_add_linearity(s, &l, e));
@@ -233,7 +219,7 @@ static void an_older_file_is_read_and_goes_on(void **state) {
     free(after);
 }
 
-#define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
+#define TEST(f) cmocka_unit_test_setup_teardown(f, row_setup, row_teardown)
 
 int main(void) {
     const struct CMUnitTest tests[] = {

@@ -16,37 +16,19 @@
 
 #include "tests/support/session_rows.h"
 
-static char folder[64], path[96];
-
-static int make_folder(void **state) {
-    (void)state;
-    row_make_folder(folder, path);
-    return 0;
-}
-
-static int remove_folder(void **state) {
-    (void)state;
-    row_remove_folder(folder);
-    return 0;
-}
-
-static struct session *fill(int n_points) {
-    return row_fill(path, n_points);
-}
-
 static void closing_leaves_one_file(void **state) {
     (void)state;
-    struct session *s = fill(3);
+    struct session *s = row_fill(row_path, 3);
     char name[120];
-    snprintf(name, sizeof name, "%s-wal", path);
+    snprintf(name, sizeof name, "%s-wal", row_path);
     assert_int_equal(access(name, F_OK), 0);
     ROW_OK(session_close(s, e));
     static const char *const tails[] = {"-wal", "-shm", "-lock", "-journal"};
     for (int i = 0; i < 4; i++) {
-        snprintf(name, sizeof name, "%s%s", path, tails[i]);
+        snprintf(name, sizeof name, "%s%s", row_path, tails[i]);
         assert_int_not_equal(access(name, F_OK), 0);
     }
-    assert_int_equal(session_create(&s, path, NULL), -ERR_BUSY);
+    assert_int_equal(session_create(&s, row_path, NULL), -ERR_BUSY);
 }
 
 static int count_point(void *arg, const struct point *p) {
@@ -57,11 +39,11 @@ static int count_point(void *arg, const struct point *p) {
 
 static void a_reader_sees_a_live_writer_and_a_second_writer_is_refused(void **state) {
     (void)state;
-    struct session *s = fill(2), *reader, *other;
+    struct session *s = row_fill(row_path, 2), *reader, *other;
     struct err e = {0};
-    assert_int_equal(session_open(&other, path, false, &e), -ERR_BUSY);
+    assert_int_equal(session_open(&other, row_path, false, &e), -ERR_BUSY);
     assert_non_null(strstr(e.text, "another goniod"));
-    ROW_OK(session_open(&reader, path, true, e));
+    ROW_OK(session_open(&reader, row_path, true, e));
     int n = 0;
     ROW_OK(session_each_point(reader, true, count_point, &n, e));
     assert_int_equal(n, 2);
@@ -84,7 +66,7 @@ static void a_reader_sees_a_live_writer_and_a_second_writer_is_refused(void **st
 /* Another program's hands on the file, with nothing of ours in between. */
 static int raw_sql(const char *sql) {
     sqlite3 *db;
-    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_open(row_path, &db), SQLITE_OK);
     int rc = sqlite3_exec(db, sql, NULL, NULL, NULL);
     sqlite3_close(db);
     return rc;
@@ -92,7 +74,7 @@ static int raw_sql(const char *sql) {
 
 static void tables_are_insert_only(void **state) {
     (void)state;
-    ROW_OK(session_close(fill(2), e));
+    ROW_OK(session_close(row_fill(row_path, 2), e));
     assert_int_equal(raw_sql("UPDATE point SET mean = 1"), SQLITE_CONSTRAINT);
     assert_int_equal(raw_sql("DELETE FROM exposure WHERE id = 2"), SQLITE_CONSTRAINT);
     assert_int_equal(raw_sql("UPDATE fact SET value = 'x'"), SQLITE_CONSTRAINT);
@@ -101,7 +83,7 @@ static void tables_are_insert_only(void **state) {
 
 static void a_final_point_supersedes_its_provisional_one_once(void **state) {
     (void)state;
-    struct session *s = fill(2);
+    struct session *s = row_fill(row_path, 2);
     struct point p;
     row_point(1, 1, &p);
     p.provisional = false;
@@ -124,7 +106,7 @@ static void a_final_point_supersedes_its_provisional_one_once(void **state) {
 
 static void a_failed_row_spoils_its_transaction(void **state) {
     (void)state;
-    struct session *s = fill(1);
+    struct session *s = row_fill(row_path, 1);
     struct point p;
     ROW_OK(session_begin(s, e));
     row_point(2, 1, &p);
@@ -141,7 +123,7 @@ static void a_failed_row_spoils_its_transaction(void **state) {
 
 static void an_exposure_out_of_order_is_refused(void **state) {
     (void)state;
-    struct session *s = fill(0);
+    struct session *s = row_fill(row_path, 0);
     uint16_t counts[ROW_SCANS * ROW_PIXELS];
     struct exposure x;
     struct err e = {0};
@@ -158,12 +140,12 @@ static void an_exposure_out_of_order_is_refused(void **state) {
 
 /* A limit on the size of files stands in for the full disk: the kernel refuses the same write. */
 static void write_until_full(void) {
-    struct session *s = fill(20);
+    struct session *s = row_fill(row_path, 20);
     struct rlimit limit = {60000, 60000};
     signal(SIGXFSZ, SIG_IGN);
     struct stat st;
     char log[120];
-    snprintf(log, sizeof log, "%s-wal", path);
+    snprintf(log, sizeof log, "%s-wal", row_path);
     stat(log, &st);
     limit.rlim_cur = (rlim_t)st.st_size + 200000;
     limit.rlim_max = RLIM_INFINITY;
@@ -211,20 +193,20 @@ static void a_full_disk_loses_no_committed_row(void **state) {
     assert_true(WIFEXITED(status));
     assert_int_equal(WEXITSTATUS(status), 0);
     struct err_list found = {0};
-    ROW_OK(session_verify(path, &found, e));
+    ROW_OK(session_verify(row_path, &found, e));
     err_list_free(&found);
 }
 
 static void expect_refused(int code, const char *word) {
     struct session *s;
     struct err e = {0};
-    assert_int_equal(session_open(&s, path, true, &e), -code);
+    assert_int_equal(session_open(&s, row_path, true, &e), -code);
     if (!strstr(e.text, word))
         fail_msg("'%s' does not say '%s'", e.text, word);
 }
 
 static void write_file(const void *bytes, size_t size) {
-    FILE *f = fopen(path, "wb");
+    FILE *f = fopen(row_path, "wb");
     assert_non_null(f);
     fwrite(bytes, 1, size, f);
     fclose(f);
@@ -240,20 +222,20 @@ static void foreign_and_broken_files_are_named(void **state) {
         noise[i] = (char)(i * 2654435761u >> 13);
     write_file(noise, sizeof noise);
     expect_refused(ERR_INPUT, "not a goniod session");
-    unlink(path);
+    unlink(row_path);
     assert_int_equal(raw_sql("CREATE TABLE other (x)"), SQLITE_OK);
     expect_refused(ERR_INPUT, "another program");
-    unlink(path);
-    mkdir(path, 0755);
+    unlink(row_path);
+    mkdir(row_path, 0755);
     expect_refused(ERR_INPUT, "not a file");
-    rmdir(path);
-    ROW_OK(session_close(fill(5), e));
+    rmdir(row_path);
+    ROW_OK(session_close(row_fill(row_path, 5), e));
     struct stat st;
-    stat(path, &st);
-    assert_int_equal(truncate(path, st.st_size / 2), 0);
+    stat(row_path, &st);
+    assert_int_equal(truncate(row_path, st.st_size / 2), 0);
     expect_refused(ERR_INPUT, "truncated");
-    unlink(path);
-    ROW_OK(session_close(fill(1), e));
+    unlink(row_path);
+    ROW_OK(session_close(row_fill(row_path, 1), e));
     assert_int_equal(raw_sql("PRAGMA user_version = 99"), SQLITE_OK);
     expect_refused(ERR_INPUT, "newer goniod");
 }
@@ -284,12 +266,12 @@ static char *dump_text(const char *file) {
 
 static void a_copy_of_a_live_session_is_whole(void **state) {
     (void)state;
-    struct session *s = fill(5);
+    struct session *s = row_fill(row_path, 5);
     char copy[120];
-    snprintf(copy, sizeof copy, "%s/copy.gonio", folder);
-    ROW_OK(session_copy(path, copy, e));
-    assert_int_equal(session_copy(path, copy, NULL), -ERR_BUSY);
-    char *a = dump_text(path), *b = dump_text(copy);
+    snprintf(copy, sizeof copy, "%s/copy.gonio", row_folder);
+    ROW_OK(session_copy(row_path, copy, e));
+    assert_int_equal(session_copy(row_path, copy, NULL), -ERR_BUSY);
+    char *a = dump_text(row_path), *b = dump_text(copy);
     assert_string_equal(a, b);
     assert_non_null(strstr(a, "fact\tkey=job\tvalue=name: test\\nsamples: []\\t# tab\\n\n"));
     assert_non_null(strstr(a, "theta_v_udeg=-20000001"));
@@ -307,27 +289,27 @@ static void a_copy_of_a_live_session_is_whole(void **state) {
 
 static void verify_finds(const char *sql, const char *word) {
     struct err_list found = {0};
-    ROW_OK(session_close(fill(4), e));
-    assert_int_equal(session_verify(path, &found, NULL), 0);
+    ROW_OK(session_close(row_fill(row_path, 4), e));
+    assert_int_equal(session_verify(row_path, &found, NULL), 0);
     assert_int_equal(raw_sql(sql), SQLITE_OK);
-    assert_int_equal(session_verify(path, &found, NULL), -ERR_INPUT);
+    assert_int_equal(session_verify(row_path, &found, NULL), -ERR_INPUT);
     if (!strstr(found.item[0].text, word))
         fail_msg("'%s' does not say '%s'", found.item[0].text, word);
     err_list_free(&found);
-    unlink(path);
+    unlink(row_path);
 }
 
 /* Start and end of a set are bounds: of two sets in one state they may cross. */
 static void sets_of_one_state_may_overlap_by_their_bounds(void **state) {
     (void)state;
     struct err_list found = {0};
-    ROW_OK(session_close(fill(4), e));
+    ROW_OK(session_close(row_fill(row_path, 4), e));
     assert_int_equal(raw_sql("DROP TRIGGER exposure_no_update; UPDATE exposure SET (settled_us, lamp, "
                              "exposure_us, start_us, crc)"
                              " = (SELECT settled_us, lamp, exposure_us, end_us - 1, NULL FROM exposure WHERE "
                              "id = 2) WHERE id = 3"),
                      SQLITE_OK);
-    ROW_OK(session_verify(path, &found, e));
+    ROW_OK(session_verify(row_path, &found, e));
     err_list_free(&found);
 }
 
@@ -335,11 +317,11 @@ static void a_calibration_that_would_be_read_past_its_end_is_refused(void **stat
     (void)state;
     struct calibration c;
     struct session *s;
-    ROW_OK(session_close(fill(2), e));
+    ROW_OK(session_close(row_fill(row_path, 2), e));
     assert_int_equal(
         raw_sql("DROP TRIGGER calibration_no_update; UPDATE calibration SET nonlinearity_order = 1000"),
         SQLITE_OK);
-    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_open(&s, row_path, true, e));
     assert_int_equal(session_get_calibration(s, &c, NULL), -ERR_INPUT);
     ROW_OK(session_close(s, e));
 }
@@ -372,14 +354,14 @@ static void verify_finds_what_was_tampered_with(void **state) {
 
 static void damage_inside_is_found(void **state) {
     (void)state;
-    ROW_OK(session_close(fill(40), e));
-    int fd = open(path, O_RDWR);
+    ROW_OK(session_close(row_fill(row_path, 40), e));
+    int fd = open(row_path, O_RDWR);
     char noise[3000];
     memset(noise, 0xA5, sizeof noise);
     assert_int_equal(pwrite(fd, noise, sizeof noise, 4096 * 12), sizeof noise);
     close(fd);
     struct err_list found = {0};
-    assert_int_equal(session_verify(path, &found, NULL), -ERR_INPUT);
+    assert_int_equal(session_verify(row_path, &found, NULL), -ERR_INPUT);
     err_list_free(&found);
 }
 
@@ -391,7 +373,7 @@ static int read_as_nobody(void) {
     struct err e = {0};
     if (geteuid() == 0 && setuid(NOBODY) < 0)
         return 3;
-    int rc = session_open(&s, path, true, &e);
+    int rc = session_open(&s, row_path, true, &e);
     if (rc == 0)
         return 2;
     return rc == -ERR_PERMISSION && strstr(e.text, "cut off") ? 0 : 1;
@@ -402,42 +384,42 @@ static void a_cut_off_session_without_rights_says_so(void **state) {
     char shared[120];
     pid_t child = fork();
     if (child == 0) {
-        fill(3);
+        row_fill(row_path, 3);
         _exit(0); /* without closing: the log stays */
     }
     int status;
     waitpid(child, &status, 0);
-    snprintf(shared, sizeof shared, "%s-shm", path);
+    snprintf(shared, sizeof shared, "%s-shm", row_path);
     assert_int_equal(unlink(shared), 0);
-    chmod(folder, 0555);
+    chmod(row_folder, 0555);
     child = fork();
     if (child == 0)
         _exit(read_as_nobody());
     waitpid(child, &status, 0);
-    chmod(folder, 0755);
+    chmod(row_folder, 0755);
     assert_int_equal(WEXITSTATUS(status), 0);
     struct session *s;
-    ROW_OK(session_open(&s, path, false, e));
+    ROW_OK(session_open(&s, row_path, false, e));
     ROW_OK(session_close(s, e));
 }
 
 static void a_reader_does_not_stop_the_close(void **state) {
     (void)state;
-    struct session *s = fill(3), *reader;
-    ROW_OK(session_open(&reader, path, true, e));
+    struct session *s = row_fill(row_path, 3), *reader;
+    ROW_OK(session_open(&reader, row_path, true, e));
     ROW_OK(session_close(s, e));
     int n = 0;
     ROW_OK(session_each_point(reader, true, count_point, &n, e));
     assert_int_equal(n, 3);
     ROW_OK(session_close(reader, e));
-    ROW_OK(session_open(&s, path, false, e));
+    ROW_OK(session_open(&s, row_path, false, e));
     ROW_OK(session_close(s, e));
     char log[120];
-    snprintf(log, sizeof log, "%s-wal", path);
+    snprintf(log, sizeof log, "%s-wal", row_path);
     assert_int_not_equal(access(log, F_OK), 0);
 }
 
-#define TEST(f) cmocka_unit_test_setup_teardown(f, make_folder, remove_folder)
+#define TEST(f) cmocka_unit_test_setup_teardown(f, row_setup, row_teardown)
 
 int main(void) {
     const struct CMUnitTest tests[] = {

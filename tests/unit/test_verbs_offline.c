@@ -16,18 +16,9 @@
 #include "tests/support/recorded_session.h"
 #include "tests/support/session_rows.h"
 
-static char folder[64], path[96];
-
 static int make_session(void **state) {
-    (void)state;
-    row_make_folder(folder, path);
-    recorded_session_make(path);
-    return 0;
-}
-
-static int remove_session(void **state) {
-    (void)state;
-    row_remove_folder(folder);
+    row_setup(state);
+    recorded_session_make(row_path);
     return 0;
 }
 
@@ -96,7 +87,7 @@ static void expect(struct said said, int status, const char *out, const char *er
 
 static int raw_sql(const char *sql) {
     sqlite3 *db;
-    assert_int_equal(sqlite3_open(path, &db), SQLITE_OK);
+    assert_int_equal(sqlite3_open(row_path, &db), SQLITE_OK);
     int rc = sqlite3_exec(db, sql, NULL, NULL, NULL);
     sqlite3_close(db);
     return rc;
@@ -104,20 +95,20 @@ static int raw_sql(const char *sql) {
 
 static void show_tells_a_person(void **state) {
     (void)state;
-    expect(RUN("show", path), 0, "hg60: Hooker's Green on drawing paper, 60 % water", "");
-    expect(RUN("show", path), 0, "state      done", "");
-    expect(RUN("show", path), 0, "6 final, 7 provisional rows; 3 brackets", "");
-    expect(RUN("show", path), 0, "1 of them saturated; 7 exchanges", "");
-    expect(RUN("show", path), 0, "linearity  the diffuser in 60 ms over 15 ms: ratio ", "");
-    expect(RUN("show", path), 0, "u of the counts at full scale: 0.001 (stated 0.001)", "");
-    expect(RUN("show", path), 0, "beta_prime", "");
+    expect(RUN("show", row_path), 0, "hg60: Hooker's Green on drawing paper, 60 % water", "");
+    expect(RUN("show", row_path), 0, "state      done", "");
+    expect(RUN("show", row_path), 0, "6 final, 7 provisional rows; 3 brackets", "");
+    expect(RUN("show", row_path), 0, "1 of them saturated; 7 exchanges", "");
+    expect(RUN("show", row_path), 0, "linearity  the diffuser in 60 ms over 15 ms: ratio ", "");
+    expect(RUN("show", row_path), 0, "u of the counts at full scale: 0.001 (stated 0.001)", "");
+    expect(RUN("show", row_path), 0, "beta_prime", "");
     expect(RUN("show", "nowhere"), 2, "", "there is no session nowhere");
     expect(RUN("show"), 2, "", "show");
 }
 
 static void show_as_json(void **state) {
     (void)state;
-    struct said said = RUN("show", path, "--json");
+    struct said said = RUN("show", row_path, "--json");
     json_t *all = json_loads(said.out, 0, NULL);
     assert_int_equal(said.status, 0);
     assert_int_equal(json_integer_value(json_object_get(all, "points_final")), RECORDED_POINTS);
@@ -144,7 +135,7 @@ static int count_lines(const char *text, const char *start) {
 
 static void reduce_gives_the_bytes_of_the_dump(void **state) {
     (void)state;
-    struct said dump = RUN("show", path, "--dump"), reduced = RUN("reduce", path);
+    struct said dump = RUN("show", row_path, "--dump"), reduced = RUN("reduce", row_path);
     assert_int_equal(reduced.status, 0);
     assert_string_equal(reduced.err, "");
     assert_int_equal(count_lines(reduced.out, "point\t"), 2 * RECORDED_POINTS + 1);
@@ -165,47 +156,47 @@ static void reduce_names_the_first_difference(void **state) {
     (void)state;
     raw_sql("DROP TRIGGER point_band_no_update; UPDATE point_band SET beta = 0.5 WHERE point_id = 3 AND band "
             "= 17");
-    expect(RUN("reduce", path), 1, "point_band",
+    expect(RUN("reduce", row_path), 1, "point_band",
            "point_band point_id=3 band=17: stored beta=0.5, derived beta=0.195");
-    expect(RUN("reduce", path, "--json"), 1, "\"same\":false", "");
+    expect(RUN("reduce", row_path, "--json"), 1, "\"same\":false", "");
     raw_sql(
         "DROP TRIGGER point_band_no_delete; DELETE FROM point_band WHERE point_id = 13; DROP TRIGGER "
         "point_common_no_delete; DELETE FROM point_common WHERE point_id = 13; DROP TRIGGER point_no_delete; "
         "DELETE FROM point WHERE id = 13");
-    expect(RUN("reduce", path), 1, "", "point id=13: derived, but not stored");
+    expect(RUN("reduce", row_path), 1, "", "point id=13: derived, but not stored");
 }
 
 static void reduce_says_what_it_misses(void **state) {
     (void)state;
     raw_sql("DROP TRIGGER fact_no_delete; DELETE FROM fact WHERE key = 'reduce_setup'");
-    expect(RUN("reduce", path), 1, "", "holds no 'reduce_setup'");
+    expect(RUN("reduce", row_path), 1, "", "holds no 'reduce_setup'");
 }
 
 static void verify_and_copy(void **state) {
     (void)state;
     char copy[120];
-    snprintf(copy, sizeof copy, "%s/copy.gonio", folder);
-    expect(RUN("verify", path), 0, "sound", "");
-    expect(RUN("copy", path, copy), 0, "", "");
-    expect(RUN("copy", path, copy), 1, "", "exists already");
-    expect(RUN("verify", "copy", "--sessions", folder), 0, "sound", "");
+    snprintf(copy, sizeof copy, "%s/copy.gonio", row_folder);
+    expect(RUN("verify", row_path), 0, "sound", "");
+    expect(RUN("copy", row_path, copy), 0, "", "");
+    expect(RUN("copy", row_path, copy), 1, "", "exists already");
+    expect(RUN("verify", "copy", "--sessions", row_folder), 0, "sound", "");
     expect(RUN("reduce", copy), 0, "point", "");
     raw_sql("DROP TRIGGER exposure_no_update; UPDATE exposure SET settled_us = end_us WHERE id = 4");
-    expect(RUN("verify", path), 1, "exposure 4: settled < start < end", "");
-    expect(RUN("verify", path, "--json"), 1, "\"sound\":false", "");
+    expect(RUN("verify", row_path), 1, "exposure 4: settled < start < end", "");
+    expect(RUN("verify", row_path, "--json"), 1, "\"sound\":false", "");
 }
 
 static void sessions_are_listed_with_what_is_wrong(void **state) {
     (void)state;
     char other[120];
-    snprintf(other, sizeof other, "%s/broken.gonio", folder);
+    snprintf(other, sizeof other, "%s/broken.gonio", row_folder);
     FILE *f = fopen(other, "w");
     fputs("not a session", f);
     fclose(f);
-    expect(RUN("sessions", "--sessions", folder), 0, "test.gonio", "");
-    expect(RUN("sessions", "--sessions", folder), 0, "6 points", "");
-    expect(RUN("sessions", "--sessions", folder), 0, "not a goniod session", "");
-    struct said said = RUN("sessions", "--sessions", folder, "--json");
+    expect(RUN("sessions", "--sessions", row_folder), 0, "test.gonio", "");
+    expect(RUN("sessions", "--sessions", row_folder), 0, "6 points", "");
+    expect(RUN("sessions", "--sessions", row_folder), 0, "not a goniod session", "");
+    struct said said = RUN("sessions", "--sessions", row_folder, "--json");
     json_t *all = json_loads(said.out, 0, NULL);
     assert_int_equal(json_array_size(json_object_get(all, "sessions")), 2);
     json_decref(all);
@@ -215,8 +206,8 @@ static void sessions_are_listed_with_what_is_wrong(void **state) {
 
 static char *exported(const char *format, const char *extra) {
     char name[120];
-    snprintf(name, sizeof name, "%s/export", folder);
-    expect(RUN("export", path, "--format", format, "-o", name, extra), 0, "", "");
+    snprintf(name, sizeof name, "%s/export", row_folder);
+    expect(RUN("export", row_path, "--format", format, "-o", name, extra), 0, "", "");
     FILE *f = fopen(name, "rb");
     fseek(f, 0, SEEK_END);
     return read_all(f);
@@ -258,7 +249,7 @@ static void astm_reads_back(void **state) {
     struct err_list errors = {0};
     char name[120];
     free(exported("csv", "--spectrum"));
-    snprintf(name, sizeof name, "%s/export", folder);
+    snprintf(name, sizeof name, "%s/export", row_folder);
     fitset_init(&csv);
     assert_int_equal(points_read(name, &none, &csv, &report, &errors), 0);
     free(exported("astm", NULL));
@@ -283,12 +274,12 @@ static void astm_reads_back(void **state) {
 
 static void bad_exports_are_refused(void **state) {
     (void)state;
-    expect(RUN("export", path, "--format", "xls", "-o", "/dev/null"), 2, "", "csv, astm or pcapng");
-    expect(RUN("export", path, "--format", "csv"), 2, "", "-o FILE");
-    expect(RUN("export", path, "--format", "csv", "-o", "/nowhere/x"), 1, "", "cannot write /nowhere/x");
+    expect(RUN("export", row_path, "--format", "xls", "-o", "/dev/null"), 2, "", "csv, astm or pcapng");
+    expect(RUN("export", row_path, "--format", "csv"), 2, "", "-o FILE");
+    expect(RUN("export", row_path, "--format", "csv", "-o", "/nowhere/x"), 1, "", "cannot write /nowhere/x");
 }
 
-#define TEST(f) cmocka_unit_test_setup_teardown(f, make_session, remove_session)
+#define TEST(f) cmocka_unit_test_setup_teardown(f, make_session, row_teardown)
 
 /* --make FILE: a session for tests/wire/test_pcapng.py. --verb ...: one verb, as gonioctl runs it. */
 int main(int argc, char **argv) {
