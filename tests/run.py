@@ -13,6 +13,7 @@ from pathlib import Path
 
 LAYERS = ["unit", "fuzz", "scenario", "wire", "replay", "crash"]
 LIMIT_S = 400
+SKIPPED = re.compile(r"(not )?ok\b.*#\s*skip", re.I)
 
 
 def find_tests(build, words):
@@ -40,7 +41,7 @@ def run(path):
 def count(code, text):
     passed = failed = skipped = 0
     for line in text.splitlines():
-        if re.match(r"(not )?ok\b.*#\s*skip", line, re.I):
+        if SKIPPED.match(line):
             skipped += 1
         elif re.match(r"not ok\b", line):
             failed += 1
@@ -63,7 +64,7 @@ def main():
             if counts[1]:
                 print(text)
             for line in text.splitlines():
-                if re.match(r"(not )?ok\b.*#\s*skip", line, re.I):
+                if SKIPPED.match(line) or line.startswith("# skipped: "):
                     print("   ", line)
     print(f"{total[0]} passed, {total[1]} failed, {total[2]} skipped")
     return 1 if total[1] or not total[0] else 0

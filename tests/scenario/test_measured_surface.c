@@ -13,12 +13,12 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <unistd.h>
 
 #include "proto/brdf.h"
 #include "sim/measured.h"
 #include "tests/support/lab.h"
 #include "tests/support/truth_check.h"
+#include "tests/support/skipping.h"
 
 #define GARNET "../shared/data/brdf/painted/garnet_red.brdf"
 #define WITHIN_2U 0.93
@@ -142,10 +142,7 @@ static void check_surface(const char *what, const struct brdf *brdf, int least_p
 static void garnet_red(void **state) {
     (void)state;
     struct brdf brdf;
-    if (access(GARNET, R_OK) != 0) {
-        print_message("# %s is absent: see its synthetic twin\n", GARNET);
-        skip();
-    }
+    skip_without_file(GARNET);
     assert_int_equal(brdf_read_file(GARNET, &brdf, NULL), 0);
     check_surface("garnet_red", &brdf, 100);
     brdf_free(&brdf);

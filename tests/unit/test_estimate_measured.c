@@ -6,11 +6,11 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "fit/choice.h"
 #include "fit/dice.h"
 #include "fit/points.h"
+#include "tests/support/skipping.h"
 
 /* reflection-model.md 6: surfaces that others have measured, and what its models make of them; each with a made-up
  * twin of about its parameters, for where the data are not. */
@@ -26,10 +26,7 @@ static void load(const char *file, const struct points_options *options) {
     char path[160];
     snprintf(path, sizeof path, FOLDER "%s", file);
     fitset_init(&data);
-    if (access(path, R_OK) != 0) {
-        print_message("# skipped: %s is not here\n", path);
-        skip();
-    }
+    skip_without_file(path);
     if (points_read(path, options, &data, &report, &errors)) {
         fail_msg("%s: %s", path, errors.n ? errors.item[0].text : "?");
     }

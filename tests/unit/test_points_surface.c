@@ -13,6 +13,7 @@
 #include "fit/reflectance.h"
 #include "proto/units.h"
 #include "tests/support/goniometry.h"
+#include "tests/support/skipping.h"
 
 #define SHARED "../shared/data/brdf/"
 
@@ -275,10 +276,7 @@ static void check_measured(const struct expected *x) {
     struct points_report report;
     struct err_list errors = {0};
     struct estimate estimate;
-    if (access(x->path, R_OK) != 0) {
-        print_message("# skipped: %s is not here\n", x->path);
-        skip();
-    }
+    skip_without_file(x->path);
     fitset_init(&d);
     ok(points_read(x->path, &x->options, &d, &report, &errors), &errors);
     print_message("# %s\n", report.azimuth);

@@ -7,11 +7,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "proto/brdf.h"
 #include "sim/measured.h"
 #include "sim/sim.h"
+#include "tests/support/skipping.h"
 
 #define GARNET "../shared/data/brdf/painted/garnet_red.brdf"
 
@@ -94,10 +94,7 @@ static void test_garnet_red(void **state) {
     struct brdf b;
     struct measured *m;
     struct err e = {0};
-    if (access(GARNET, R_OK) != 0) {
-        print_message("# %s is absent: see test_it_passes_through_its_nodes for its twin\n", GARNET);
-        skip();
-    }
+    skip_without_file(GARNET); /* test_it_passes_through_its_nodes is its twin */
     assert_int_equal(brdf_read_file(GARNET, &b, &e), 0);
     assert_int_equal(measured_new(&m, &b, &e), 0);
     check_nodes(&b, m);

@@ -9,11 +9,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "proto/session.h"
 #include "tests/support/laboratory.h"
 #include "tests/support/tap.h"
+#include "tests/support/skipping.h"
 
 #define IN_EXPOSURE_MS 1500 /* after the axes have arrived */
 #define STALL_MS 2000
@@ -120,9 +120,7 @@ static void nothing_keeps_the_drives_waiting(void **state) {
     char job[96], path[256], name[160];
     struct said said;
     struct session *s;
-#ifdef __SANITIZE_ADDRESS__
-    skip(); /* its run-time library must be loaded first */
-#endif
+    skip_under_asan();
     laboratory_goniod_start(&lab);
     snprintf(job, sizeof job, "%s/job.yaml", lab.dir);
     struct program run;

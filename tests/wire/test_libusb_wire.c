@@ -13,6 +13,7 @@
 
 #include "tests/support/judgement.h"
 #include "tests/support/laboratory.h"
+#include "tests/support/skipping.h"
 
 #define N_POINTS 4
 
@@ -37,25 +38,20 @@ static void judge(const char *path) {
     assert_true(j.worst < 5);
 }
 
-static bool bridge_is_there(void) {
+static void need_the_bridge(void) {
     char path[256];
     const char *build = getenv("BUILD");
+    skip_under_asan();
     snprintf(path, sizeof path, "%s/tests/bridge/usb_bridge", build ? build : "build");
-    return access(path, X_OK) == 0;
+    if (access(path, X_OK) != 0)
+        skip_because("libumockdev-dev is not installed");
 }
 
 static void campaign(const char *model, const char *ids) {
-#ifdef __SANITIZE_ADDRESS__
-    print_message("# skipped: the run-time library of ASan must be loaded before umockdev's\n");
-    skip();
-#endif
     const struct laboratory_choice choice = {.model = model, .spectrometer = "usb", .bridged = ids};
     char job[96], path[256], name[160];
     struct said said;
-    if (!bridge_is_there()) {
-        print_message("# skipped: libumockdev-dev is not installed\n");
-        skip();
-    }
+    need_the_bridge();
     laboratory_open(&lab, &choice);
     laboratory_job(&lab, "theta_i_deg: [20, 30], theta_v_deg: [-10, 10]", "fixed",
                    "target: 0.4, min_ms: 4, max_ms: 64, average: 2");
@@ -85,12 +81,8 @@ static void a_usb4000(void **state) {
 /* The instrument goes in mid-session and nobody hangs: the next order says that it is gone. */
 static void an_instrument_that_is_unplugged(void **state) {
     (void)state;
-#ifdef __SANITIZE_ADDRESS__
-    skip();
-#endif
     const struct laboratory_choice choice = {.spectrometer = "usb", .bridged = "2457:101e"};
-    if (!bridge_is_there())
-        skip();
+    need_the_bridge();
     laboratory_open(&lab, &choice);
     laboratory_goniod_start(&lab);
     laboratory_expect(&lab, 0, "USB2+SIM001", NULL, "spectrum", "--json", NULL);
@@ -101,12 +93,8 @@ static void an_instrument_that_is_unplugged(void **state) {
 
 /* Somebody else's device, and one that another program holds: said by the order that needs it, and by `devices`. */
 static void refused(const char *ids, const char *said_by_spectrum, const char *said_by_devices) {
-#ifdef __SANITIZE_ADDRESS__
-    skip();
-#endif
     const struct laboratory_choice choice = {.spectrometer = "usb", .bridged = ids};
-    if (!bridge_is_there())
-        skip();
+    need_the_bridge();
     laboratory_open(&lab, &choice);
     laboratory_goniod_start(&lab);
     laboratory_expect(&lab, 1, said_by_spectrum, NULL, "spectrum", "--json", NULL);
