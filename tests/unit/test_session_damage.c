@@ -86,6 +86,14 @@ static off_t find(const void *bytes, size_t size) {
     return at - file;
 }
 
+static void sql(const char *text) {
+    sqlite3 *db;
+    assert_int_equal(sqlite3_open(row_path, &db), SQLITE_OK);
+    if (sqlite3_exec(db, text, NULL, NULL, NULL) != SQLITE_OK)
+        fail_msg("%s: %s", text, sqlite3_errmsg(db));
+    sqlite3_close(db);
+}
+
 static void a_flipped_bit_of_a_spectrum_is_named(void **state) {
     (void)state;
     char text[600];
@@ -105,6 +113,15 @@ static void a_flipped_letter_of_a_fact_is_named(void **state) {
     make_session();
     flip(find("samples: []", 11), 0);
     if (!strstr(found_in(text), "fact, key job: its values do not match"))
+        fail_msg("%s", text);
+}
+
+static void a_lost_checksum_is_named(void **state) {
+    (void)state;
+    char text[600];
+    make_session();
+    sql("DROP TRIGGER event_no_update; UPDATE event SET crc = NULL");
+    if (!strstr(found_in(text), "event, id 1: its checksum is missing"))
         fail_msg("%s", text);
 }
 
@@ -136,20 +153,16 @@ static void no_flipped_bit_is_read_as_a_value(void **state) {
     free(whole);
 }
 
-static void sql(const char *text) {
-    sqlite3 *db;
-    assert_int_equal(sqlite3_open(row_path, &db), SQLITE_OK);
-    if (sqlite3_exec(db, text, NULL, NULL, NULL) != SQLITE_OK)
-        fail_msg("%s: %s", text, sqlite3_errmsg(db));
-    sqlite3_close(db);
-}
-
 static void a_missing_row_is_named(void **state) {
     (void)state;
     char text[600];
+    struct session *s;
     make_session();
-    sql("DROP TRIGGER event_no_delete; INSERT INTO event VALUES (NULL, 1, 'x', '', NULL);"
-        " INSERT INTO event VALUES (NULL, 2, 'x', '', NULL); DELETE FROM event WHERE id = 1");
+    ROW_OK(session_open(&s, row_path, false, e));
+    ROW_OK(session_add_event(s, 10, "note", "{}", e));
+    ROW_OK(session_add_event(s, 11, "note", "{}", e));
+    ROW_OK(session_close(s, e));
+    sql("DROP TRIGGER event_no_delete; DELETE FROM event WHERE id = 1");
     if (!strstr(found_in(text), "event, id 2: the row before it is missing"))
         fail_msg("%s", text);
     assert_int_equal(things_found, 1); /* nothing is missing before row 3 */
@@ -161,7 +174,7 @@ static void a_covariance_of_another_size_is_not_known(void **state) {
     struct estimate m;
     make_session();
     sql("DROP TRIGGER estimation_no_update; UPDATE estimation SET statistical = x'0000'");
-    ROW_OK(session_open(&s, path, true, e));
+    ROW_OK(session_open(&s, row_path, true, e));
     ROW_OK(session_last_estimate(s, &m, e));
     assert_true(isnan(m.statistical[0][0]) &&
                 !isnan(m.common[0][0])); /* not zero: nothing would be as certain */
@@ -223,9 +236,13 @@ static void an_older_file_is_read_and_goes_on(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        TEST(a_flipped_bit_of_a_spectrum_is_named),      TEST(a_flipped_letter_of_a_fact_is_named),
-        TEST(no_flipped_bit_is_read_as_a_value),         TEST(a_missing_row_is_named),
-        TEST(a_covariance_of_another_size_is_not_known), TEST(an_older_file_is_read_and_goes_on),
+        TEST(a_flipped_bit_of_a_spectrum_is_named),
+        TEST(a_flipped_letter_of_a_fact_is_named),
+        TEST(a_lost_checksum_is_named),
+        TEST(no_flipped_bit_is_read_as_a_value),
+        TEST(a_missing_row_is_named),
+        TEST(a_covariance_of_another_size_is_not_known),
+        TEST(an_older_file_is_read_and_goes_on),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
