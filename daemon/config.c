@@ -20,7 +20,7 @@ static void complain(const struct check *c, const char *path, const char *format
     __attribute__((format(printf, 3, 4)));
 
 static void complain(const struct check *c, const char *path, const char *format, ...) {
-    const struct yaml_place *place = yaml_place_find(c->places, path);
+    const struct yaml_place *place = yaml_place_near(c->places, path);
     va_list args;
     va_start(args, format);
     err_list_mistake(c->errors, c->config->file, place ? place->line : 0, place ? place->column : 0, format,
@@ -29,8 +29,7 @@ static void complain(const struct check *c, const char *path, const char *format
 }
 
 static bool written(const struct check *c, const char *path) {
-    const struct yaml_place *place = yaml_place_find(c->places, path);
-    return place && place->line > 0;
+    return yaml_place_find(c->places, path) != NULL;
 }
 
 #define AXES 3
@@ -119,17 +118,14 @@ static void check_pair_on_bus(const struct check *c, int a, int b) {
                  second->unit, second->link, path_a);
     snprintf(key, sizeof key, "%s.baud", path_b);
     if (first->baud != second->baud)
-        complain(c, written(c, key) ? key : path_b,
-                 "%s and %s share %s but not their baud: one bus has one speed", path_a, path_b,
+        complain(c, key, "%s and %s share %s but not their baud: one bus has one speed", path_a, path_b,
                  second->link);
     snprintf(key, sizeof key, "%s.response_ms", path_b);
     if (first->response_ms != second->response_ms)
-        complain(c, written(c, key) ? key : path_b, "%s and %s share %s but not their response_ms", path_a,
-                 path_b, second->link);
+        complain(c, key, "%s and %s share %s but not their response_ms", path_a, path_b, second->link);
     snprintf(key, sizeof key, "%s.parity", path_b);
     if (first->parity != second->parity)
-        complain(c, written(c, key) ? key : path_b, "%s and %s share %s but not their parity", path_a, path_b,
-                 second->link);
+        complain(c, key, "%s and %s share %s but not their parity", path_a, path_b, second->link);
 }
 
 static void check_axes(const struct check *c) {

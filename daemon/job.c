@@ -8,7 +8,7 @@
 #include "daemon/job_keys.h"
 
 void job_complain(const struct job *job, struct err_list *errors, const char *path, const char *format, ...) {
-    const struct yaml_place *place = yaml_place_find(&job->places, path);
+    const struct yaml_place *place = yaml_place_near(&job->places, path);
     va_list args;
     va_start(args, format);
     err_list_mistake(errors, job->file, place ? place->line : 0, place ? place->column : 0, format, args);
@@ -16,8 +16,7 @@ void job_complain(const struct job *job, struct err_list *errors, const char *pa
 }
 
 static bool written(const struct job *job, const char *path) {
-    const struct yaml_place *place = yaml_place_find(&job->places, path);
-    return place && place->line > 0;
+    return yaml_place_find(&job->places, path) != NULL;
 }
 
 /* A name becomes part of a session's file name. */

@@ -30,13 +30,9 @@ static void check_positions(const struct planner *p) {
     char path[64];
     for (int i = 0; i < p->job->n_samples; i++) {
         snprintf(path, sizeof path, "samples[%d].holder", i);
-        const struct yaml_place *place = yaml_place_find(&p->job->places, path);
-        if (!place)
-            snprintf(path, sizeof path, "samples[%d]", i);
         check_position(p, path, p->job->sample[i].holder);
     }
-    const struct yaml_place *place = yaml_place_find(&p->job->places, "reference.holder");
-    check_position(p, place ? "reference.holder" : "reference", p->job->reference.holder);
+    check_position(p, "reference.holder", p->job->reference.holder);
 }
 
 static void check_exposures(const struct planner *p) {
@@ -65,10 +61,7 @@ static void check_control(const struct planner *p) {
     struct plan_point control;
     char why[PLAN_WHY];
     if (p->job->reference.mode != REFERENCE_PER_INCIDENCE && !plan_control(p, 0, &control, why))
-        job_complain(p->job, p->errors,
-                     yaml_place_find(&p->job->places, "reference.geometry") ? "reference.geometry"
-                                                                            : "reference",
-                     "%s", why);
+        job_complain(p->job, p->errors, "reference.geometry", "%s", why);
 }
 
 static void left_out(struct plan *plan, const char *format, ...) __attribute__((format(printf, 2, 3)));

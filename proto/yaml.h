@@ -99,8 +99,7 @@ int yaml_node_column(const struct yaml_node *node);
 /* The node as one line of JSON; malloc, NULL when out of memory. Numbers and booleans stay what they are. */
 char *yaml_node_json(const struct yaml_node *node);
 
-/* Where a key was written, for contradictions found after reading: "samples[1].size_mm". line 0 if it was
- * not. */
+/* Where a key was written, for contradictions found after reading: "samples[1].size_mm". */
 struct yaml_place {
     char path[96];
     int line, column;
@@ -111,7 +110,10 @@ struct yaml_places { /* filled by yaml_read_* when given through yaml_read_text_
 };
 int yaml_read_text_places(const char *file, const char *text, size_t size, const struct yaml_key *keys,
                           void *object, struct err_list *errors, struct yaml_places *places);
+/* NULL: nobody wrote it. */
 const struct yaml_place *yaml_place_find(const struct yaml_places *places, const char *path);
+/* Where to complain of it: its own place, else that of the key or item it would stand in; NULL: of none of them. */
+const struct yaml_place *yaml_place_near(const struct yaml_places *places, const char *path);
 void yaml_places_free(struct yaml_places *places);
 /* Puts the errors of one file from index `first` on into the order of their places. */
 void yaml_sort_errors(struct err_list *errors, size_t first);

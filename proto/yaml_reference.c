@@ -117,6 +117,18 @@ const struct yaml_place *yaml_place_find(const struct yaml_places *places, const
     return NULL;
 }
 
+const struct yaml_place *yaml_place_near(const struct yaml_places *places, const char *path) {
+    char at[sizeof places->item->path];
+    const struct yaml_place *place;
+    snprintf(at, sizeof at, "%s", path);
+    for (size_t n = strlen(at); !(place = yaml_place_find(places, at)) && n > 0;) {
+        while (n > 0 && at[n] != '.' && at[n] != '[')
+            n--;
+        at[n] = 0;
+    }
+    return place;
+}
+
 void yaml_places_free(struct yaml_places *places) {
     free(places->item);
     memset(places, 0, sizeof *places);

@@ -24,7 +24,7 @@ static void complain(struct check *c, const char *path, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
 static void complain(struct check *c, const char *path, const char *format, ...) {
-    const struct yaml_place *place = yaml_place_find(&c->places, path);
+    const struct yaml_place *place = yaml_place_near(&c->places, path);
     va_list arguments;
     va_start(arguments, format);
     err_list_mistake(c->errors, c->scene->file, place ? place->line : 0, place ? place->column : 0, format,
