@@ -304,11 +304,14 @@ static void sets_of_one_state_may_overlap_by_their_bounds(void **state) {
     (void)state;
     struct err_list found = {0};
     ROW_OK(session_close(row_fill(row_path, 4), e));
-    assert_int_equal(raw_sql("DROP TRIGGER exposure_no_update; UPDATE exposure SET (settled_us, lamp, "
-                             "exposure_us, start_us, crc)"
-                             " = (SELECT settled_us, lamp, exposure_us, end_us - 1, NULL FROM exposure WHERE "
-                             "id = 2) WHERE id = 3"),
-                     SQLITE_OK);
+    assert_int_equal(
+        raw_sql(
+            "DROP TRIGGER fact_no_update; UPDATE fact SET crc = NULL;" /* an older file: rows may lack theirs */
+            "DROP TRIGGER exposure_no_update; UPDATE exposure SET (settled_us, lamp, "
+            "exposure_us, start_us, crc)"
+            " = (SELECT settled_us, lamp, exposure_us, end_us - 1, NULL FROM exposure WHERE "
+            "id = 2) WHERE id = 3"),
+        SQLITE_OK);
     ROW_OK(session_verify(row_path, &found, e));
     err_list_free(&found);
 }
