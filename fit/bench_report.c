@@ -19,8 +19,8 @@ static const struct {
     const char *solver, *kernel;
 } rows[] = {
     {"TinySolver", "goniod"},
-    {"Solver dense QR", "plain"},
-    {"Solver normal Cholesky", "plain"},
+    {"Solver dense QR", "goniod"},
+    {"Solver normal Cholesky", "goniod"},
     {"variable projection", "goniod"},
     {"MINPACK lmder", "goniod"},
     {"MINPACK lmder", "plain"},
@@ -310,8 +310,7 @@ static void write_body(FILE *md, const struct bench_results *r, const struct err
     write_times(md, r, BENCH_WARM, "Warm refit after one more point");
     fputs("\nModel: goniod is the kernel of fit/reflectance_batch.h; plain, the same formulas one point "
           "after the other "
-          "(Solver: fit/reflectance.h; the others: tests/bench/fit_peers.c); numpy, array by array. All fit "
-          "the same "
+          "(tests/bench/fit_peers.c); numpy, array by array. All fit the same "
           "coordinates, from the same start, with the same weights. Measured surfaces start where an "
           "estimation does and "
           "have no truth; there the model misses by 10 %. \"other cost\": the fit ended elsewhere, by more "

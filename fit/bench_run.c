@@ -51,11 +51,6 @@ static struct bench_record begin(const struct bench_case *c, const char *solver,
     return record;
 }
 
-/* Of Solver the Jacobian is reflectance_eval's, and so is its kernel. */
-static const char *kernel_of(enum solve_method method) {
-    return method == SOLVE_TINY ? "goniod" : "plain";
-}
-
 static int time_one(const struct bench_case *c, size_t of, const double *start, enum bench_what what,
                     int repeats, struct bench_records *records, struct err *e) {
     double t_us[REPEATS_MAX];
@@ -69,7 +64,6 @@ static int time_one(const struct bench_case *c, size_t of, const double *start, 
         t_us[i < 0 ? 0 : i] = 1e6 * (stopwatch_s() - begun);
     }
     struct bench_record record = begin(c, ours[of].name, what);
-    snprintf(record.kernel, sizeof record.kernel, "%s", kernel_of(ours[of].method));
     record.t_us = bench_median(t_us, repeats);
     record.chi2 = result.chi2;
     record.evaluations = result.iterations;
@@ -83,7 +77,6 @@ static int trace_one(const struct bench_case *c, size_t of, struct bench_records
     int status = solve_by(ours[of].method, &c->p, c->start, NULL, &result, &trace, e);
     for (size_t i = 0; i < trace.n && !status; i++) {
         struct bench_record record = begin(c, ours[of].name, BENCH_TRACE);
-        snprintf(record.kernel, sizeof record.kernel, "%s", kernel_of(ours[of].method));
         record.t_us = trace.step[i].t_us;
         record.chi2 = 2 * trace.step[i].cost;
         record.evaluations = (int)i + 1;
