@@ -240,11 +240,6 @@ void problem_free(struct problem *p) {
     *p = (struct problem){0};
 }
 
-int problem_rows(const struct problem *p, const double *value, size_t first, size_t n, double *beta,
-                 double *gradient, struct err *e) {
-    return aperture_eval(&p->aperture, first, n, p->model, value, &p->optics, beta, gradient, e);
-}
-
 void problem_residuals(const struct problem *p, size_t first, size_t n, const double *beta, double *residual,
                        double *slope) {
     const bool linear = loss_is_linear(p->loss); /* most fits: this loop is then a few vector instructions */
@@ -260,7 +255,8 @@ void problem_residuals(const struct problem *p, size_t first, size_t n, const do
 }
 
 int problem_evaluate(struct problem *p, const double *value, struct err *e) {
-    int status = problem_rows(p, value, 0, p->n, p->model_beta, p->gradient, e);
+    int status =
+        aperture_eval(&p->aperture, 0, p->n, p->model, value, &p->optics, p->model_beta, p->gradient, e);
     for (size_t i = 0; i < p->n && !status; i++) {
         double residual;
         problem_residuals(p, i, 1, &p->model_beta[i], &residual, &p->root_weight[i]);

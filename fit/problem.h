@@ -42,9 +42,6 @@ struct problem {
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e);
 void problem_free(struct problem *p);
-/* Model and gradient (n * k, or NULL) of the points first .. first + n - 1: the one place that asks the model. */
-int problem_rows(const struct problem *p, const double *value, size_t first, size_t n, double *beta,
-                 double *gradient, struct err *e);
 /* Weighted residuals of the loss for model values of the points first .., and their slopes by these values. */
 void problem_residuals(const struct problem *p, size_t first, size_t n, const double *beta, double *residual,
                        double *slope);

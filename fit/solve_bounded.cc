@@ -14,7 +14,8 @@ namespace {
 /* All weighted residuals of a problem; one block of size 1 for each coordinate, so that any can be held. */
 class Residuals : public ceres::CostFunction {
   public:
-    explicit Residuals(const struct problem *p) : p_(p), beta_(p->n), weight_(p->n), gradient_(p->n * p->k) {
+    explicit Residuals(const struct problem *p)
+        : p_(p), room_(reflectance_batch_room(p->n)), beta_(room_), weight_(p->n), slope_(room_ * p->k) {
         set_num_residuals(static_cast<int>(p->n));
         mutable_parameter_block_sizes()->assign(p->k, 1);
     }
@@ -25,8 +26,8 @@ class Residuals : public ceres::CostFunction {
             point[j] = *x[j];
         }
         coordinates_to_value(p_->model, point, value);
-        if (problem_rows(p_, value, 0, p_->n, beta_.data(), jacobians ? gradient_.data() : nullptr,
-                         nullptr)) {
+        if (aperture_columns(&p_->aperture, 0, p_->n, p_->model, value, &p_->optics, beta_.data(),
+                             slope_.data(), room_, nullptr)) {
             return false;
         }
         problem_residuals(p_, 0, p_->n, beta_.data(), residuals, weight_.data());
@@ -48,7 +49,7 @@ class Residuals : public ceres::CostFunction {
             for (size_t i = 0; i < p_->n; i++) {
                 double sum = 0;
                 for (int m = 0; m < k; m++) {
-                    sum += gradient_[i * k + m] * chain[m * k + j];
+                    sum += slope_[m * room_ + i] * chain[m * k + j];
                 }
                 jacobians[j][i] = sum * weight_[i];
             }
@@ -57,7 +58,8 @@ class Residuals : public ceres::CostFunction {
     }
 
     const struct problem *p_;
-    mutable std::vector<double> beta_, weight_, gradient_;
+    size_t room_; /* of a column */
+    mutable std::vector<double> beta_, weight_, slope_;
 };
 
 /* Each iteration into a trace, with where it stands. */
