@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define POINTS_MIN 3 /* a band of fewer points says nothing of S beyond their noise */
-
 /* Each point that has the band also says how well it is known there. */
 static bool all_known(const struct problem *p, int band) {
     const double *beta = p->input->band_beta, *u = p->input->band_u_ind;
@@ -24,7 +22,7 @@ static double variance_of(const struct problem *p, size_t point, int band, bool 
         return p->u[point] * p->u[point];
     }
     size_t at = point * BANDS + (size_t)band;
-    double floor_u = 1e-5 * fabs(p->input->band_beta[at]) + 1e-7, u = fmax(p->input->band_u_ind[at], floor_u);
+    double u = fmax(p->input->band_u_ind[at], problem_floor(p->input->band_beta[at]));
     return u * u + p->angle_u2[point]; /* the lobe is achromatic: the mean's angle part serves */
 }
 
@@ -113,7 +111,7 @@ int bandfit_run(struct bandfit *f, const struct problem *p, const double *value,
     for (int band = 0; band < BANDS; band++) {
         f->s[band] = NAN;
         f->variance[band] = 0;
-        if (bandfit_weights(f, p, band) >= POINTS_MIN) {
+        if (bandfit_weights(f, p, band) >= BANDFIT_POINTS_MIN) {
             f->s[band] = solve_band(f, p, band, &f->variance[band]);
         }
     }

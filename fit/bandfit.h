@@ -15,6 +15,8 @@
 extern "C" {
 #endif
 
+#define BANDFIT_POINTS_MIN 3 /* a band of fewer points says nothing of S beyond their noise */
+
 struct bandfit_point { /* beta_b = S l1 + S^2 l2 + specular; slopes with respect to sigma */
     double l1, l2, specular, l1_slope, l2_slope;
 };

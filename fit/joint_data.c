@@ -4,13 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/bandfit.h"
 #include "fit/noise_law.h"
-
-#define POINTS_MIN 3 /* a band of fewer points says nothing of S beyond their noise */
-
-static double floor_of(double beta) { /* no band is known better, whatever a file states */
-    return 1e-5 * fabs(beta) + 1e-7;
-}
 
 static double value_at(const struct problem *p, size_t point, int band) {
     return p->input->band_beta[point * BANDS + (size_t)band];
@@ -27,7 +22,7 @@ static void find_bands(struct joint_data *d) {
         for (size_t i = 0; i < d->n; i++) {
             count += isfinite(value_at(d->p, i, band));
         }
-        if (count < POINTS_MIN) {
+        if (count < BANDFIT_POINTS_MIN) {
             continue;
         }
         for (size_t i = 0; i < d->n; i++) {
@@ -51,7 +46,7 @@ static void copy_values(struct joint_data *d) {
             const bool present = isfinite(beta);
             d->beta[at] = present ? beta : 0;
             d->u[at] = !present   ? 0
-                       : d->known ? fmax(u_at(d->p, i, d->band[b]), floor_of(beta))
+                       : d->known ? fmax(u_at(d->p, i, d->band[b]), problem_floor(beta))
                                   : u_of_mean(d->p, i);
             d->bands_of[i] += present;
         }

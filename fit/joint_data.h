@@ -1,7 +1,7 @@
 /*
  * joint_data.h — the band values of one joint fit, band by band, with the weights they carry.
  *
- * The working struct of fit/joint.cc and fit/joint_covariance.cc. u is the independent standard uncertainty of a band value,
+ * The working struct of joint_solve.cc and joint_covariance.cc. u is the independent standard uncertainty of a band value,
  * without the axes; what the bands of a point share (an angle, the electric dark) is counted once a point and not once a
  * band: weight = 1 / (u^2 (1 - share + m share) + m angle_u2), m = bands of the point.
  *

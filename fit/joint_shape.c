@@ -4,8 +4,8 @@
 #include <string.h>
 
 bool joint_shape_is_diffuse(const struct problem *p, int column) {
-    const char *name = material_parameter_name(p->input->model, (int)reflectance_parameter(p->model, column));
-    return strcmp(name, "sigma") == 0 || strcmp(name, "n_d") == 0;
+    const enum reflectance_kind kind = reflectance_kind(p->model, reflectance_parameter(p->model, column));
+    return kind == REFLECTANCE_ROUGHNESS || kind == REFLECTANCE_TRANSMISSION;
 }
 
 static void lay_out(struct joint_shape *s, const bool *held) {

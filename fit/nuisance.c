@@ -22,15 +22,6 @@ double nuisance_u_offset_deg(const struct estimate_input *in) {
     return hypot(in->u_zero_source_deg / 2, in->u_zero_sample_deg);
 }
 
-static bool has_lobe(enum reflectance_model model) {
-    for (int j = 0; j < reflectance_parameters(model); j++) {
-        if (reflectance_parameter(model, j) == MATERIAL_GAMMA) {
-            return true;
-        }
-    }
-    return false;
-}
-
 static void add(struct nuisances *s, enum nuisance_kind kind, double mean, double u) {
     s->of[s->m++] = (struct nuisance){.kind = kind, .mean = mean, .u = u, .at = mean};
 }
@@ -39,7 +30,7 @@ int nuisance_init(struct problem *p, struct err *e) {
     const struct estimate_input *in = p->input;
     struct nuisances *s = &p->nuisance;
     *s = (struct nuisances){0};
-    if (p->loss != MATERIAL_LOSS_ML || !has_lobe(p->model)) {
+    if (p->loss != MATERIAL_LOSS_ML || reflectance_column(p->model, MATERIAL_GAMMA) < 0) {
         return 0;
     }
     if (!in->hold_offset && nuisance_u_offset_deg(in) > 0) {

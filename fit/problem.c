@@ -96,7 +96,7 @@ static int check_input(const struct estimate_input *in, struct err *e) {
     return check_causes(in, e);
 }
 
-static double floor_of(double beta) {
+double problem_floor(double beta) {
     return FLOOR_RELATIVE * fabs(beta) + FLOOR_ABSOLUTE;
 }
 
@@ -211,7 +211,7 @@ int problem_init(struct problem *p, const struct estimate_input *input, struct e
         status ? status : aperture_init(&p->aperture, &form, p->n, input->theta_i_deg, input->theta_v_deg, e);
     status = status ? status : set_directions(p, e);
     for (size_t i = 0; i < p->n && !status; i++) {
-        double u = input->u_ind ? fmax(input->u_ind[i], floor_of(input->beta[i])) : 1;
+        double u = input->u_ind ? fmax(input->u_ind[i], problem_floor(input->beta[i])) : 1;
         double slope;
         p->target[i] = loss_value(p->loss, input->beta[i], &slope);
         set_weight(p, i, u * u, input->beta[i]);
@@ -324,7 +324,7 @@ int problem_axis_slopes(const struct aperture_form *form, enum reflectance_model
 static void noise_of(const struct problem *p, struct noise_law *law) {
     const struct estimate_input *in = p->input;
     for (size_t i = 0; in->u_ind && i < p->n; i++) {
-        noise_law_add(law, fmax(in->u_ind[i], floor_of(in->beta[i])), p->model_beta[i]);
+        noise_law_add(law, fmax(in->u_ind[i], problem_floor(in->beta[i])), p->model_beta[i]);
     }
     noise_law_solve(law);
 }
@@ -375,7 +375,7 @@ int problem_reweigh(struct problem *p, const double *value, struct err *e) {
     }
     noise_of(p, &law);
     for (size_t i = 0; i < p->n; i++) {
-        double u = fmax(in->u_ind[i], floor_of(in->beta[i]));
+        double u = fmax(in->u_ind[i], problem_floor(in->beta[i]));
         double carry = noise_law_carry(&law, u, in->beta[i], p->model_beta[i]);
         set_weight(p, i, u * u * carry + p->angle_u2[i], p->model_beta[i]);
     }

@@ -47,6 +47,7 @@ void problem_residuals(const struct problem *p, size_t first, size_t n, const do
                        double *slope);
 /* Model and gradient at value into model_beta and gradient. */
 int problem_evaluate(struct problem *p, const double *value, struct err *e);
+double problem_floor(double beta); /* what u of a mean or a band is raised to */
 bool problem_out_of_plane(const struct estimate_input *input, size_t i);
 /* Slopes along both axes, and what follows from them, of the last problem_evaluate. */
 int problem_slopes(struct problem *p, const double *value, struct err *e);

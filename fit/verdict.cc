@@ -59,7 +59,9 @@ class Verdict {
     void warn_physics();
     int fill_spectrum(struct err *e);
     double relative_u(int column) const;
-    bool has(enum material_parameter parameter) const;
+    bool has(enum material_parameter wanted) const {
+        return reflectance_column(p_->model, wanted) >= 0;
+    }
     enum material_parameter parameter(int column) const {
         return reflectance_parameter(p_->model, column);
     }
@@ -78,15 +80,6 @@ class Verdict {
     bool open_[COORDINATES_MAX] = {}; /* still moving where the solver ended */
     struct misfit misfit_ = {};
 };
-
-bool Verdict::has(enum material_parameter wanted) const {
-    for (int j = 0; j < k_; j++) {
-        if (parameter(j) == wanted) {
-            return true;
-        }
-    }
-    return false;
-}
 
 void Verdict::find_bounds() {
     const double *x = fit_->best.x;
