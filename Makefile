@@ -9,7 +9,8 @@
 #   make bench                the figures, into docs/bench-report.md, docs/fit-report.md and docs/render-report.md
 #   make bench-fit            docs/fit-report.md alone
 #   make fuzz FUZZ_S=60       each fuzz target for so many seconds; FUZZ=yaml runs one
-#   make pulls SEEDS=200      the demo's campaigns over many seeds: pulls of the estimates against the truth
+#   make pulls SEEDS=500      the demo's campaigns over many seeds: pulls of the estimates against the truth, and how
+#                             many stated intervals hold it; LOG=FILE: a run that was cut goes on where it stood
 #   make measured SEEDS=20    a measured surface over many seeds, with the draws of certificate and zeros in
 #   make spread N=10000       so many fits of each published set: spread over the Cramer-Rao bound, bias, coverage
 #   make install DESTDIR= PREFIX=/usr/local
@@ -193,9 +194,10 @@ demo:
 	@$(MAKE) --no-print-directory -j$(JOBS) all
 	@bash docs/examples/demo/run.sh $(BUILD)
 
-# Judged as measurement.md 11 says; one seed again: FIRST=SEED SEEDS=1; also MODE=fixed, FILLING=beam-in-view.
+# Judged as measurement.md 11 says; one seed again: FIRST=SEED SEEDS=1; also COMMON=with or without (both by default),
+# MODE=fixed, FILLING=beam-in-view.
 pulls: $(BUILD)/tests/scenario/test_pulls all
-	@SEEDS=$(or $(SEEDS),200) FIRST=$(or $(FIRST),1) $<
+	@SEEDS=$(or $(SEEDS),500) FIRST=$(or $(FIRST),1) WORKERS=$(JOBS) CMOCKA_MESSAGE_OUTPUT=TAP $<
 
 # Of reflection-model.md 4.3 c; 10,000 fits judge the figures themselves, fewer with room for their scatter.
 spread: $(BUILD)/tests/unit/test_spread

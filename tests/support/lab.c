@@ -18,7 +18,8 @@
 #define TEXT_MAX (1 << 20)
 
 void lab_make_dir(char dir[96]) {
-    strcpy(dir, "/tmp/goniod-lab-XXXXXX");
+    const char *under = getenv("TMPDIR");
+    assert_in_range(snprintf(dir, 96, "%s/goniod-lab-XXXXXX", under ? under : "/tmp"), 1, 95);
     assert_non_null(mkdtemp(dir));
 }
 

@@ -61,7 +61,7 @@ void lab_run_refused(struct lab *lab, int code, const char *part); /* expects th
 /* The name of the n-th session in the folder, by name, without its ending; false: there are fewer. */
 bool lab_session(const struct lab *lab, int n, char name[192]);
 struct session *lab_open_session(const struct lab *lab, const char *name);
-/* Makes a folder under /tmp; removes one. */
+/* Makes a folder under TMPDIR, else /tmp; removes one. */
 void lab_make_dir(char dir[96]);
 void lab_remove_dir(const char *dir);
 

@@ -5,12 +5,14 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "sim/draw.h"
-#include "tests/support/pulls.h"
+#include "tests/support/pulls_log.h"
 
-#define SEEDS 200
+#define SEEDS 500
 
 static struct pulls p;
 
@@ -43,6 +45,45 @@ static void a_wrong_uncertainty_is_found(void **state) {
     assert_true(pulls_judge(&p) >= 2);
     draw(0, 0.6);
     assert_true(pulls_judge(&p) >= 2);
+}
+
+/* One parameter alone, its mean and the distances as they should be: too few inside, then too many. */
+static void coverage_is_judged(void **state) {
+    (void)state;
+    draw(0, 1);
+    for (int s = 0; s < SEEDS; s++)
+        p.pull[s][0].of[2] = (s % 8 ? 0.5 : 2.2) * (s % 2 || s % 16 ? 1 : -1);
+    assert_in_range(pulls_judge(&p), 1, 2); /* of the sample, and of all samples together */
+    for (int s = 0; s < SEEDS; s++)
+        p.pull[s][0].of[2] = s % 2 ? 1 : -1;
+    assert_in_range(pulls_judge(&p), 1, 2); /* of the sample, and of all samples together */
+}
+
+/* A run that is cut keeps what it has, and knows what is missing. */
+static void the_log_is_taken_up_again(void **state) {
+    (void)state;
+    static struct pulls back;
+    const char *const names[2] = {"one", "two"};
+    char path[] = "/tmp/goniod-pulls-XXXXXX";
+    close(mkstemp(path));
+    unlink(path);
+    draw(0, 1);
+    pulls_log_open(path, "every_geometry view-in-beam");
+    pulls_log_add(path, 8, PULLS_WITH, names, p.pull[8], 2);
+    pulls_log_add(path, 9, PULLS_WITHOUT, names, p.pull[9], 2);
+    pulls_log_open(path, "every_geometry view-in-beam");
+    pulls_log_add(path, 7, PULLS_WITH, names, p.pull[7], 2);
+    assert_true(pulls_log_has(path, 8, PULLS_WITH));
+    assert_false(pulls_log_has(path, 9, PULLS_WITH));
+    assert_false(pulls_log_has(path, 10, PULLS_WITHOUT));
+    back = (struct pulls){.parts = PULLS_WITH};
+    pulls_log_read(path, 7, 10, &back);
+    unlink(path);
+    assert_int_equal(back.n_seeds, 2);
+    assert_int_equal(back.n_samples, 2);
+    assert_string_equal(back.sample[1], "two");
+    assert_float_equal(back.pull[0][1].of[3], p.pull[8][1].of[3], 1e-5);
+    assert_float_equal(back.pull[1][0].distance2, p.pull[7][0].distance2, 1e-4);
 }
 
 /* Tables: chi-square of 5 degrees has its median at 4.3515 and its 95 % point at 11.0705; Kolmogorov's 5 % point at
@@ -82,6 +123,8 @@ int main(void) {
         cmocka_unit_test(honest_pulls_pass),
         cmocka_unit_test(a_bias_is_found),
         cmocka_unit_test(a_wrong_uncertainty_is_found),
+        cmocka_unit_test(coverage_is_judged),
+        cmocka_unit_test(the_log_is_taken_up_again),
         cmocka_unit_test(tables_agree),
         cmocka_unit_test(the_distance_knows_correlation),
     };
