@@ -108,12 +108,14 @@ static int check_structure(struct session *s, struct err_list *found, struct err
     return rc;
 }
 
-static bool same_in(struct session *s, const char *name, const char *sql) {
+static bool same_in(struct session *s, struct query *of_schema) {
     struct query *q;
-    if (store_query(s->store, "SELECT 1 FROM sqlite_master WHERE name = ? AND sql = ?", &q, NULL) < 0)
+    if (store_query(s->store,
+                    "SELECT 1 FROM sqlite_master WHERE type = ? AND name = ? AND tbl_name = ? AND sql = ?",
+                    &q, NULL) < 0)
         return false;
-    query_bind_text(q, 0, name);
-    query_bind_text(q, 1, sql);
+    for (int i = 0; i < query_columns(of_schema); i++)
+        query_bind_text(q, i, query_text(of_schema, i));
     bool same = query_step(q, NULL) == 1;
     query_reset(q);
     return same;
@@ -121,15 +123,15 @@ static bool same_in(struct session *s, const char *name, const char *sql) {
 
 static int compare_schema(struct session *s, struct store *fresh, struct err_list *found, struct err *e) {
     struct query *q;
-    int rc =
-        store_prepare(fresh, "SELECT name, sql FROM sqlite_master WHERE type IN ('table', 'view')", &q, e);
+    int rc = store_prepare(
+        fresh, "SELECT type, name, tbl_name, sql FROM sqlite_master WHERE type IN ('table', 'view')", &q, e);
     if (rc < 0)
         return rc;
     while ((rc = query_step(q, e)) == 1) {
         char text[200];
         snprintf(text, sizeof text, "%.60s: is not defined as in a session; the file was damaged",
-                 query_text(q, 0));
-        if (!same_in(s, query_text(q, 0), query_text(q, 1)) && (rc = add_finding(found, s->path, text)) < 0)
+                 query_text(q, 1));
+        if (!same_in(s, q) && (rc = add_finding(found, s->path, text)) < 0)
             break;
     }
     query_free(q);
