@@ -16,7 +16,7 @@
 
 #include "proto/err.h"
 
-#define EXR_CHANNELS_MAX 256
+#define EXR_CHANNELS_MAX 2048
 #define EXR_NAME_MAX 64
 #define EXR_VALUES_MAX (1LL << 30)
 

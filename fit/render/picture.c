@@ -15,7 +15,31 @@ struct colouring { /* by paint and set: what makes X, Y, Z (or what follows them
     struct colour_matrix after;                  /* of X, Y, Z */
     double scale[PLANES_SETS];                   /* 1 / sum E ybar */
     struct colour_matrix (*matrix)[PLANES_SETS]; /* `after` is contained */
+    double (*band)[BANDS][3];                    /* [set], of indirect light; `after` is contained */
 };
+
+static void free_colouring(struct colouring *c) {
+    free(c->matrix);
+    free(c->band);
+}
+
+/* What each band of the indirect light adds. */
+static int make_bands(struct colouring *c, struct err *e) {
+    const double(*cmf)[3] = colour_cmf((enum colour_observer)c->scene->image.observer);
+    c->band = malloc((size_t)c->planes->n_sets * sizeof *c->band);
+    if (!c->band) {
+        return err_set(e, ERR_NOMEM, "no memory to colour");
+    }
+    for (int j = 0; j < c->planes->n_sets; j++) {
+        for (int k = 0; k < BANDS; k++) {
+            colour_apply(&c->after, cmf[k], c->band[j][k]);
+            for (int i = 0; i < 3; i++) {
+                c->band[j][k][i] *= c->scale[j] * c->scene->spd[j].power[k];
+            }
+        }
+    }
+    return 0;
+}
 
 static int make_colouring(struct colouring *c, const struct scene *scene, const struct planes *planes,
                           const struct colour_matrix *after, bool by_wavelength, struct err *e) {
@@ -36,7 +60,7 @@ static int make_colouring(struct colouring *c, const struct scene *scene, const 
             c->matrix[p][j] = colour_multiply(after, &c->matrix[p][j]);
         }
     }
-    return status;
+    return status || !planes_have_indirect(planes) ? status : make_bands(c, e);
 }
 
 /* The sum that the matrix replaces. */
@@ -81,6 +105,23 @@ static void add_run(const struct colouring *c, int paint, size_t first, size_t n
     }
 }
 
+static void add_indirect(const struct colouring *c, size_t first, size_t n, double *const out[3]) {
+    for (int j = 0; j < c->planes->n_sets; j++) {
+        const float *r = c->planes->set[j].indirect + first * BANDS;
+        for (size_t x = 0; x < n; x++, r += BANDS) {
+            double sum[3] = {0, 0, 0};
+            for (int k = 0; k < BANDS; k++) {
+                for (int i = 0; i < 3; i++) {
+                    sum[i] += (double)r[k] * c->band[j][k][i];
+                }
+            }
+            for (int i = 0; i < 3; i++) {
+                out[i][x] += sum[i];
+            }
+        }
+    }
+}
+
 /* Row y into three planes of width values; *extra: the first extra that belongs to it or a later row. */
 static void colour_row(const struct colouring *c, int y, size_t *extra, double *const out[3]) {
     const struct planes *p = c->planes;
@@ -95,6 +136,9 @@ static void colour_row(const struct colouring *c, int y, size_t *extra, double *
         if (paint[x] >= 0) {
             add_run(c, paint[x], first + x, end - x, x, out);
         }
+    }
+    if (c->band) {
+        add_indirect(c, first, width, out);
     }
     for (; *extra < p->n_extra && p->extra[*extra].pixel < first + width; ++*extra) {
         const struct planes_extra *x = &p->extra[*extra];
@@ -116,7 +160,7 @@ int render_xyz(const struct scene *scene, const struct planes *planes, bool by_w
             *xyz++ = row[i % 3 * width + i / 3];
         }
     }
-    free(colouring.matrix);
+    free_colouring(&colouring);
     free(row);
     return status;
 }
@@ -174,7 +218,7 @@ int render_picture(const struct scene *scene, const struct planes *planes, bool 
     } else {
         picture_free(picture);
     }
-    free(colouring.matrix);
+    free_colouring(&colouring);
     encode_free(&encode);
     free(row);
     return status;

@@ -30,11 +30,30 @@ int planes_make(struct planes *p, int width, int height, int n_sets, bool with_b
     return 0;
 }
 
+int planes_add_indirect(struct planes *p, struct err *e) {
+    size_t n = (size_t)p->width * (size_t)p->height * BANDS;
+    for (int j = 0; j < p->n_sets; j++) {
+        p->set[j].indirect = calloc(n, sizeof *p->set[j].indirect);
+        if (!p->set[j].indirect) {
+            return err_set(e, ERR_NOMEM,
+                           "no memory for the spectra of %d x %d pixels; render fewer pixels, or one bounce",
+                           p->width, p->height);
+        }
+        p->bytes += n * sizeof *p->set[j].indirect;
+    }
+    return 0;
+}
+
+bool planes_have_indirect(const struct planes *p) {
+    return p->n_sets > 0 && p->set[0].indirect;
+}
+
 void planes_free(struct planes *p) {
     for (int j = 0; j < p->n_sets; j++) {
         free(p->set[j].a);
         free(p->set[j].b);
         free(p->set[j].c);
+        free(p->set[j].indirect);
     }
     free(p->paint);
     free(p->extra);

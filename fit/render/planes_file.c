@@ -27,8 +27,16 @@ static int count_layers(const struct planes *p) {
     return 1 + most;
 }
 
-static int channels_of(const struct planes *p, int layers) {
+static int channels_of_layers(const struct planes *p, int layers) {
     return layers * (1 + 3 * p->n_sets);
+}
+
+static int channels_of(const struct planes *p, int layers) {
+    return channels_of_layers(p, layers) + (planes_have_indirect(p) ? p->n_sets * BANDS : 0);
+}
+
+static void name_indirect(int set, int band, char name[EXR_NAME_MAX]) {
+    snprintf(name, EXR_NAME_MAX, "light%d.indirect.%dnm", set, band_nm(band));
 }
 
 static void name_channels(struct layers *l) {
@@ -37,6 +45,10 @@ static void name_channels(struct layers *l) {
         for (int j = 0; j < 3 * l->planes->n_sets; j++) {
             snprintf(l->channel[i++], EXR_NAME_MAX, "layer%d.light%d.%c", layer, j / 3, "abc"[j % 3]);
         }
+    }
+    int first = channels_of_layers(l->planes, l->n);
+    for (int i = first; i < channels_of(l->planes, l->n); i++) {
+        name_indirect((i - first) / BANDS, (i - first) % BANDS, l->channel[i]);
     }
 }
 
@@ -54,13 +66,24 @@ static void fill_first(const struct planes *p, size_t at, int width, float *cons
     }
 }
 
+static void fill_indirect(const struct planes *p, size_t at, int width, float *const *row) {
+    for (int j = 0; j < p->n_sets; j++) {
+        for (int i = 0; i < width * BANDS; i++) {
+            row[j * BANDS + i % BANDS][i / BANDS] = p->set[j].indirect[at * BANDS + (size_t)i];
+        }
+    }
+}
+
 static void fill_row(void *arg, int y, float *const *row) {
     struct layers *l = arg;
     const struct planes *p = l->planes;
     int width = p->width, each = 1 + 3 * p->n_sets, layer = 0;
     size_t at = (size_t)y * (size_t)width;
     fill_first(p, at, width, row);
-    for (int i = each; i < channels_of(p, l->n); i++) {
+    if (planes_have_indirect(p)) {
+        fill_indirect(p, at, width, row + channels_of_layers(p, l->n));
+    }
+    for (int i = each; i < channels_of_layers(p, l->n); i++) {
         for (int x = 0; x < width; x++) {
             row[i][x] = i % each == 0 ? -1 : 0;
         }
@@ -240,6 +263,28 @@ static int take_pixel(struct planes *p, const struct stored *stored, size_t i, i
     return status;
 }
 
+/* Nothing, or all of it. */
+static int take_indirect(const char *path, const struct exr_image *image, struct planes *p, struct err *e) {
+    char name[EXR_NAME_MAX];
+    name_indirect(0, 0, name);
+    if (p->n_sets == 0 || !exr_plane(image, name)) {
+        return 0;
+    }
+    int status = planes_add_indirect(p, e);
+    size_t n = (size_t)p->width * (size_t)p->height;
+    for (int i = 0; i < p->n_sets * BANDS && !status; i++) {
+        name_indirect(i / BANDS, i % BANDS, name);
+        const float *plane = exr_plane(image, name);
+        if (!plane) {
+            return err_set(e, ERR_INPUT, "%s lacks the channel %s", path, name);
+        }
+        for (size_t pixel = 0; pixel < n; pixel++) {
+            p->set[i / BANDS].indirect[pixel * BANDS + (size_t)(i % BANDS)] = plane[pixel];
+        }
+    }
+    return status;
+}
+
 static int take_planes(const char *path, const struct exr_image *image, const struct scene *scene,
                        struct planes *planes, struct err *e) {
     struct stored stored;
@@ -251,7 +296,7 @@ static int take_planes(const char *path, const struct exr_image *image, const st
     for (size_t i = 0; i < n && !status; i++) {
         status = take_pixel(planes, &stored, i, scene->n_paints, e);
     }
-    return status;
+    return status ? status : take_indirect(path, image, planes, e);
 }
 
 int planes_load(const char *path, struct scene **scene, struct planes *planes, json_t **origin,

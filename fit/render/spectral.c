@@ -36,6 +36,10 @@ static void radiance_of(struct spectral *s, size_t pixel, double radiance[BANDS]
         struct shade_abc abc = {p->set[j].a[pixel], p->set[j].b ? p->set[j].b[pixel] : 0,
                                 p->set[j].c ? p->set[j].c[pixel] : 0};
         add_radiance(s, p->paint[pixel], j, &abc, radiance);
+        const float *indirect = p->set[j].indirect ? p->set[j].indirect + pixel * BANDS : NULL;
+        for (int k = 0; k < BANDS && indirect; k++) {
+            radiance[k] += s->power[j][k] * (double)indirect[k];
+        }
     }
     for (; s->next < p->n_extra && p->extra[s->next].pixel == pixel; s->next++) {
         const struct planes_extra *x = &p->extra[s->next];

@@ -13,11 +13,11 @@
 static const char help[] =
     "usage: goniorender recolour PLANES.exr -o FILE.png [--spd SPD]... [--session MATERIAL=FILE]...\n"
     "                            [--observer O] [--space S] [--adaptation A] [--exposure X] [--bits 8|16]\n"
-    "Colours planes that `render --planes` wrote, without tracing a ray: exact for one bounce.\n"
+    "Colours planes that `render --planes` wrote, without tracing a ray.\n"
     "  --spd SPD         the first light's spectrum, given again the second's, ...: A, D50, \"5003 K\", "
     "lamp.csv, ...\n"
     "  --session M=FILE  S(lambda) of the material M from this session; its roughness and gloss stay as "
-    "rendered\n"
+    "rendered (not of several bounces)\n"
     "  --observer, --space, --adaptation, --exposure, --bits   as in a scene file\n"
     "exit status: 0 done, 1 the work failed, 2 bad usage or bad input\n";
 
@@ -107,6 +107,17 @@ static int change_paints(const struct recolour *o, struct scene *scene, struct e
     return status;
 }
 
+/* The light between surfaces holds products of their S. */
+static int may_change_paints(const struct recolour *o, const struct planes *planes, struct err *e) {
+    return o->n_sessions > 0 && planes_have_indirect(planes)
+               ? err_set(
+                     e, ERR_USAGE,
+                     "%s holds several bounces, in which another S(lambda) is another picture: render the "
+                     "scene again with --session; --spd still only colours",
+                     o->planes)
+               : 0;
+}
+
 static void change_image(const struct recolour *o, struct scene_image *image) {
     image->observer = o->observer >= 0 ? o->observer : image->observer;
     image->space = o->space >= 0 ? o->space : image->space;
@@ -152,6 +163,7 @@ int verb_recolour(int argc, char **argv) {
     if (status == 0) {
         status = planes_load(o.planes, &scene, &planes, &rendered, &e);
         status = status ? status : verb_lights(scene, o.spd, o.n_spds, &errors, &e);
+        status = status ? status : may_change_paints(&o, &planes, &e);
         status = status ? status : change_paints(&o, scene, &e);
         if (!status) {
             change_image(&o, &scene->image);
