@@ -2,6 +2,8 @@
 
 #include <stdarg.h>
 
+#include "proto/units.h"
+
 static const char *const names[FEATURES] = {
     [FEATURE_LIGHTS] = "lights without power",
     [FEATURE_SPECULAR] = "specular",
@@ -11,6 +13,7 @@ static const char *const names[FEATURES] = {
     [FEATURE_EACH_DIRECTION] = "half vectors of each sample",
     [FEATURE_SHADOW_RAYS] = "shadow rays",
     [FEATURE_WAVELENGTHS] = "sums over wavelengths",
+    [FEATURE_INTERREFLECTION] = "interreflection",
 };
 
 const char *feature_name(enum feature feature) {
@@ -98,9 +101,22 @@ static void decide_relatives(const struct scene *scene, struct features *f) {
     decide(f, FEATURE_RELATIVES, n > 0, 0, "%d of %d materials", n, scene->n_paints);
 }
 
+static bool beyond_one_bounce(const struct features *f) {
+    return f->line[FEATURE_INTERREFLECTION].kept;
+}
+
+static bool has_lobe(const struct scene *scene) {
+    bool any = false;
+    for (int i = 0; i < scene->n_paints; i++) {
+        any = any || scene->paint[i].shade.beta_prime > 0 || scene->paint[i].shade.beta_prime_2 > 0;
+    }
+    return any;
+}
+
 static void decide_lobe(const struct scene *scene, struct features *f) {
     double peak = highest_peak(scene);
-    if (peak <= FEATURES_TOLERANCE) {
+    bool between = beyond_one_bounce(f) && has_lobe(scene); /* light comes from everywhere */
+    if (peak <= FEATURES_TOLERANCE && !between) {
         decide(f, FEATURE_SPECULAR, false, peak, "nowhere above %.2g", peak);
         decide(f, FEATURE_LOBE_TAIL, false, 0, "no lobe");
         return;
@@ -113,21 +129,24 @@ static void decide_lobe(const struct scene *scene, struct features *f) {
     }
 }
 
+/* The largest that the diffuse part sends anywhere from anywhere: all of it, or what Oren and Nayar add. */
+static double diffuse_peak(const struct paint *p, bool all) {
+    double s = 1; /* also where this S is less: planes outlive it (recolour) */
+    for (int k = 0; k < BANDS; k++) {
+        s = fmax(s, p->s[k]);
+    }
+    /* |direct| and |1 - cos(dphi) u^2| / 2 are at most 1, |side| at most 2 (shade.h). */
+    double through = p->shade.inverse_t0 * p->shade.inverse_t0; /* T is at most 1 */
+    double flat = all ? 1 : 1 - p->shade.c1;                    /* c1 is at most 1 */
+    return through * (s * (flat + p->shade.direct + 2 * p->shade.side) + 2 * s * s * p->shade.inter);
+}
+
 static void decide_sigma(const struct scene *scene, struct features *f) {
     double largest = 0;
     for (int i = 0; i < scene->n_paints; i++) {
-        const struct paint *p = &scene->paint[i];
-        double s = 1; /* also where this S is less: planes outlive it (recolour) */
-        for (int k = 0; k < BANDS; k++) {
-            s = fmax(s, p->s[k]);
-        }
-        /* |direct| and |1 - cos(dphi) u^2| / 2 are at most 1, |side| at most 2 (shade.h). */
-        double through = p->shade.inverse_t0 * p->shade.inverse_t0; /* T is at most 1 */
-        double rough =
-            s * (1 - p->shade.c1 + p->shade.direct + 2 * p->shade.side) + 2 * s * s * p->shade.inter;
-        largest = fmax(largest, through * rough);
+        largest = fmax(largest, diffuse_peak(&scene->paint[i], false));
     }
-    if (largest <= FEATURES_TOLERANCE) {
+    if (largest <= (beyond_one_bounce(f) ? 0 : FEATURES_TOLERANCE)) {
         decide(f, FEATURE_SIGMA, false, largest, "nowhere above %.2g", largest);
     } else {
         decide(f, FEATURE_SIGMA, true, 0, "up to %.3g", largest);
@@ -147,6 +166,55 @@ static void decide_shadows(const struct scene *scene, struct features *f) {
     }
 }
 
+/* At most so much of what a point of the shape sees, cosines counted, is a surface: the other shapes by the spheres around
+ * them, its own other parts. */
+static double seen_surfaces(const struct scene *scene, int shape) {
+    const struct shape *s = &scene->shape[shape];
+    double sum = 0;
+    if (s->kind == SHAPE_FOLD) { /* of an endless fold, at its edge */
+        sum = (1 + cos(rad_from_deg(s->fold.angle_deg))) / 2;
+    } else if (!shape_is_convex(s) && s->kind != SHAPE_RECTANGLE) { /* a relief is seen where its plane is */
+        return 1;
+    }
+    for (int i = 0; i < scene->n_shapes; i++) {
+        const struct shape *other = &scene->shape[i];
+        double apart = vec3_length(vec3_sub(other->frame.at, s->frame.at)) - shape_reach_mm(s);
+        double part = shape_reach_mm(other) / apart;
+        sum += i == shape ? 0 : apart > 0 && part < 1 ? part * part : 1;
+    }
+    return fmin(sum, 1);
+}
+
+static void decide_interreflection(const struct scene *scene, struct features *f) {
+    double seen = 0, highest = 0;
+    for (int i = 0; i < scene->n_shapes; i++) {
+        seen = fmax(seen, seen_surfaces(scene, i));
+    }
+    for (int i = 0; i < scene->n_paints; i++) {
+        highest = fmax(highest, diffuse_peak(&scene->paint[i], true));
+    }
+    /* Light of at most `highest` from `seen` of the half space, and from there again: a geometric series. */
+    double again = highest * seen, bound = again < 1 ? highest * again / (1 - again) : INFINITY;
+    if (scene->image.bounces <= 1) {
+        decide(f, FEATURE_INTERREFLECTION, false, 0, "one bounce");
+    } else if (seen == 0) {
+        decide(f, FEATURE_INTERREFLECTION, false, 0, "no surface sees another");
+    } else if (bound <= FEATURES_TOLERANCE && !has_lobe(scene)) {
+        decide(f, FEATURE_INTERREFLECTION, false, bound, "nowhere above %.2g", bound);
+    } else {
+        decide(f, FEATURE_INTERREFLECTION, true, 0,
+               "%d bounces; up to %.2g of what a surface sees is another", scene->image.bounces, seen);
+    }
+}
+
+static void decide_wavelengths(struct features *f) {
+    if (beyond_one_bounce(f)) {
+        decide(f, FEATURE_WAVELENGTHS, true, 0, "products of spectra");
+    } else {
+        decide(f, FEATURE_WAVELENGTHS, false, 1e-12, "one bounce: a 3x3 matrix for each paint and light");
+    }
+}
+
 static void keep_all(struct features *f) {
     for (int i = 0; i < FEATURES; i++) {
         decide(f, (enum feature)i, true, 0, "asked for");
@@ -158,6 +226,7 @@ void features_find(const struct scene *scene, bool all, struct features *feature
         keep_all(features);
         return;
     }
+    decide_interreflection(scene, features);
     decide_lights(scene, features);
     decide_lobe(scene, features);
     decide_relatives(scene, features);
@@ -165,7 +234,7 @@ void features_find(const struct scene *scene, bool all, struct features *feature
     decide(features, FEATURE_EACH_DIRECTION, !parallel(scene), 0,
            parallel(scene) ? "parallel light and camera" : "perspective camera");
     decide_shadows(scene, features);
-    decide(features, FEATURE_WAVELENGTHS, false, 1e-12, "one bounce: a 3x3 matrix for each paint and light");
+    decide_wavelengths(features);
 }
 
 double features_bound(const struct features *features) {

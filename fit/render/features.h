@@ -23,7 +23,8 @@ enum feature {
     FEATURE_SIGMA,          /* Oren-Nayar's direct terms, interreflection, plane b */
     FEATURE_EACH_DIRECTION, /* half vector and Fresnel of each sample instead of once */
     FEATURE_SHADOW_RAYS,
-    FEATURE_WAVELENGTHS, /* 81 sums for each pixel instead of a 3x3 matrix */
+    FEATURE_WAVELENGTHS,     /* 81 sums for each pixel instead of a 3x3 matrix */
+    FEATURE_INTERREFLECTION, /* paths over several surfaces, and the spectra they carry */
     FEATURES
 };
 

@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "fit/render/scene_keys.h"
+
 double origin_held_share(const struct scene *scene, const struct paint *paint) {
     double worst = 0;
     for (int j = 0; j < scene->n_spds; j++) {
@@ -73,6 +75,8 @@ static void add_scene(json_t *json, const struct scene *scene) {
     json_object_set_new(json, "materials", materials);
     json_object_set_new(json, "lights", lights);
     json_object_set_new(json, "grid", json_integer(scene->image.grid));
+    json_object_set_new(json, "bounces", json_integer(scene->image.bounces));
+    json_object_set_new(json, "energy", json_string(scene_energies[scene->image.energy]));
 }
 
 static void add_colours(json_t *json, const struct scene *scene, const struct picture *p) {
@@ -89,10 +93,11 @@ static void add_colours(json_t *json, const struct scene *scene, const struct pi
 }
 
 static void add_work(json_t *json, const struct render_report *r) {
-    json_t *counts = json_pack("{s:I,s:I,s:I,s:I,s:i}", "camera_rays", (json_int_t)r->counts.camera_rays,
-                               "hits", (json_int_t)r->counts.hits, "shadow_rays",
-                               (json_int_t)r->counts.shadow_rays, "negative_diffuse",
-                               (json_int_t)r->counts.negative_diffuse, "rows_done", r->counts.rows_done);
+    json_t *counts = json_pack(
+        "{s:I,s:I,s:I,s:I,s:I,s:I,s:i}", "camera_rays", (json_int_t)r->counts.camera_rays, "hits",
+        (json_int_t)r->counts.hits, "shadow_rays", (json_int_t)r->counts.shadow_rays, "negative_diffuse",
+        (json_int_t)r->counts.negative_diffuse, "indirect_rays", (json_int_t)r->counts.indirect_rays,
+        "indirect_hits", (json_int_t)r->counts.indirect_hits, "rows_done", r->counts.rows_done);
     json_object_set_new(json, "left_out", features_json(&r->features, false));
     json_object_set_new(json, "kept", features_json(&r->features, true));
     json_object_set_new(json, "bound", json_real(features_bound(&r->features)));

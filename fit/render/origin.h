@@ -2,7 +2,7 @@
  * origin.h — where a picture comes from, as every picture and report carries it.
  *
  * {"program", "command", "scene", "materials": [{"name", "source", "sha256", "model", "parameters", "u", "kappa",
- * "held_bands_nm", "held_share"}], "lights", "observer", "space", "adaptation", "exposure", "white", "grid",
+ * "held_bands_nm", "held_share"}], "lights", "observer", "space", "adaptation", "exposure", "white", "grid", "bounces", "energy",
  * "left_out", "kept", "bound", "counts", "clipped", "out_of_gamut", "max_y"}; of recoloured planes also "rendered", the
  * origin of these, and "spectrum_of" in a material whose S(lambda) is now that of another session.
  * Checked    tests/unit/test_goniorender.py

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "fit/render/crew.h"
+#include "fit/render/path.h"
 #include "fit/render/trace.h"
 #include "fit/stopwatch.h"
 
@@ -33,6 +34,15 @@ static void prepare_halves(struct trace *t) {
     }
 }
 
+/* NULL: no memory. */
+static struct energy *prepare_energies(const struct scene *scene) {
+    struct energy *energy = calloc(SCENE_PAINTS, sizeof *energy);
+    for (int p = 0; p < scene->n_paints && energy; p++) {
+        energy_make(&energy[p], &scene->paint[p], (enum energy_policy)scene->image.energy);
+    }
+    return energy;
+}
+
 int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct render_report *report, struct err *e) {
     struct render_options own = *options;
@@ -49,14 +59,25 @@ int render_planes(const struct scene *scene, const struct render_options *option
                           .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
                           .dark_lights = kept(&report->features, FEATURE_LIGHTS),
                           .half = calloc(SCENE_PAINTS, sizeof *trace.half)};
-    if (!trace.half) {
+    bool paths = kept(&report->features, FEATURE_INTERREFLECTION) && scene->image.bounces > 1;
+    struct energy *energy = paths ? prepare_energies(scene) : NULL;
+    if (!trace.half || (paths && !energy)) {
+        free(trace.half);
         return err_set(e, ERR_NOMEM, "no memory to render");
     }
+    trace.repeats = 4;
+    struct trace beyond = trace;
+    beyond.shade_features = PATH_FEATURES;
+    beyond.energy = energy;
+    trace.beyond = paths ? &beyond : NULL;
     prepare_halves(&trace);
     int status = planes_make(planes, scene->image.width, scene->image.height, scene->n_spds,
                              trace.shade_features & SHADE_SIGMA, trace.shade_features & SHADE_SPECULAR, e);
-    status = status ? status : trace_run(&trace, trace_direct, &own, planes, &report->counts, e);
+    status = status || !paths ? status : planes_add_indirect(planes, e);
+    status = status ? status
+                    : trace_run(&trace, paths ? trace_path : trace_direct, &own, planes, &report->counts, e);
     free(trace.half);
+    free(energy);
     report->threads = own.threads;
     report->trace_s = stopwatch_s() - started;
     report->trace_cpu_s = stopwatch_cpu_s() - cpu;

@@ -30,6 +30,7 @@ struct render_options {
 
 struct render_counts {
     uint64_t camera_rays, hits, shadow_rays, negative_diffuse; /* a < 0, set to 0 */
+    uint64_t indirect_rays, indirect_hits;                     /* beyond the first bounce */
     int rows_done;
 };
 

@@ -30,7 +30,9 @@ struct scene_material { /* as written; becomes paint[same index] */
 
 struct scene_image {
     int width, height;
-    int grid; /* grid x grid samples a pixel, at the centres of its parts */
+    int grid;    /* grid x grid samples a pixel, at the centres of its parts */
+    int bounces; /* surfaces that light may have come over: 1, what the lights alone make */
+    int energy;  /* enum energy_policy */
     int bits;
     int observer, space, adaptation; /* enums of colour.h */
     double exposure;                 /* Y = 1 of the perfect diffuser becomes this in the picture */

@@ -2,6 +2,7 @@
 
 #include <stddef.h>
 
+#include "fit/render/path.h"
 #include "fit/render/scene.h"
 
 #define AT_SCENE(field) offsetof(struct scene, field)
@@ -20,6 +21,7 @@ const char *const scene_models[] = {"lambert",    "oren-nayar",  "eq1",      "co
                                     "heavy-tail", "transmitted", "two-lobe", NULL};
 const char *const scene_observers[] = {"1931-2deg", "1964-10deg", NULL};
 const char *const scene_spaces[] = {"srgb", "display-p3", "adobe-rgb", NULL};
+const char *const scene_energies[] = {"scale", "report", NULL};
 const char *const scene_adaptations[] = {"none", "von-kries", "bradford", "cat16", NULL};
 
 static const struct yaml_key material_keys[] = {
@@ -152,6 +154,12 @@ static const struct yaml_key image_keys[] = {
     COUNT("width", width, 1, 16384, "400", "pixels"),
     COUNT("height", height, 1, 16384, "400", "pixels"),
     COUNT("grid", grid, 1, 64, "4", "grid x grid samples in each pixel"),
+    COUNT("bounces", bounces, 1, PATH_STEPS + 1, "1",
+          "surfaces that light may come over on its way; 1: each is lit by the lights alone"),
+    CHOICE(
+        "energy", energy, scene_energies, "scale",
+        "beyond the first bounce a paint that returns more light than it receives is scaled down to what it "
+        "receives; report: only told"),
     CHOICE("observer", observer, scene_observers, "1931-2deg", "whose colour matching functions"),
     CHOICE("space", space, scene_spaces, "srgb", "the RGB space of the picture"),
     CHOICE("adaptation", adaptation, scene_adaptations, "bradford",

@@ -27,5 +27,6 @@ extern const struct yaml_key scene_shape_keys[];
 extern const char *const scene_models[]; /* indexed by scene_material.model; NULL ends each list */
 extern const char *const scene_observers[], *const scene_spaces[],
                                                 *const scene_adaptations[]; /* as in colour.h */
+extern const char *const scene_energies[];                                  /* as in energy.h */
 
 #endif

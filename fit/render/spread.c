@@ -336,6 +336,10 @@ static int make_all(struct work *w, uint64_t seed, struct err *e) {
 
 int spread_make(const struct scene *scene, const struct joint *const joint[SCENE_PAINTS], uint64_t seed,
                 const struct render_options *options, struct spread *spread, struct err *e) {
+    if (scene->image.bounces > 1) {
+        return err_set(e, ERR_STATE, "the uncertainty of a picture is worked out for one bounce, not for %d",
+                       scene->image.bounces);
+    }
     struct work *w = calloc(1, sizeof *w);
     if (!w) {
         return err_set(e, ERR_NOMEM, "no memory for the uncertainty");

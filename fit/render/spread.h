@@ -11,7 +11,8 @@
  *
  * Shapes     planes by rows from the top; covariances as XX, XY, XZ, YY, YZ, ZZ of each pixel; NaN: nothing is shown.
  * Units      X, Y, Z: 1 for the perfect diffuser's Y. CIELAB under the scene's own white.
- * Errors     those of render_planes and spread_paint_make; -ERR_CANCELLED.
+ * Domain     one bounce: of several, a, b, c are not all of the picture.
+ * Errors     those of render_planes and spread_paint_make; -ERR_CANCELLED; -ERR_STATE a scene of several bounces.
  * Checked    tests/unit/test_render_spread.c: each draw rendered anew, the Jacobian by rendering
  */
 #ifndef FIT_RENDER_SPREAD_H

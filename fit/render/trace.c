@@ -24,6 +24,7 @@ struct work { /* one picture, shared by all threads */
 struct pixel { /* sums over its samples, one entry for each paint it shows */
     int n;
     struct trace_sample sum[SCENE_PAINTS];
+    double indirect[PLANES_SETS][BANDS]; /* of all paints */
 };
 
 static void add_sample(struct pixel *pixel, const struct trace_sample *sample, int sets) {
@@ -61,10 +62,19 @@ static bool keep_extra(struct tile *tile, const struct planes_extra *extra) {
     return true;
 }
 
+static void store_indirect(struct planes *p, size_t at, const struct pixel *pixel, double part) {
+    for (int j = 0; j < p->n_sets && p->set[j].indirect; j++) {
+        for (int k = 0; k < BANDS; k++) {
+            p->set[j].indirect[at * BANDS + (size_t)k] = (float)(part * pixel->indirect[j][k]);
+        }
+    }
+}
+
 static bool store_pixel(struct work *w, struct tile *tile, size_t at, const struct pixel *pixel,
                         double part) {
     struct planes *p = w->planes;
     bool kept = true;
+    store_indirect(p, at, pixel, part);
     if (pixel->n > 0) {
         p->paint[at] = (int16_t)pixel->sum[0].paint;
         for (int j = 0; j < p->n_sets; j++) {
@@ -92,11 +102,15 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
                         struct render_counts *counts) {
     const struct scene *scene = w->trace->scene;
     int grid = scene->image.grid;
-    struct trace_sample sample;
+    struct trace_sample sample = {.pixel = (uint32_t)(y * w->planes->width + x), .indirect = pixel->indirect};
     pixel->n = 0;
+    if (planes_have_indirect(w->planes)) {
+        memset(pixel->indirect, 0, (size_t)w->planes->n_sets * sizeof *pixel->indirect);
+    }
     for (int j = 0; j < grid; j++) {
         for (int i = 0; i < grid; i++) {
             struct ray ray = camera_ray(&scene->camera, x + (i + 0.5) / grid, y + (j + 0.5) / grid);
+            sample.index = j * grid + i;
             w->integrator(w->trace, &ray, &sample, counts);
             if (sample.paint >= 0) {
                 add_sample(pixel, &sample, w->planes->n_sets);
@@ -134,6 +148,8 @@ static int gather(struct work *w, struct render_counts *counts, struct err *e) {
         counts->hits += tile->counts.hits;
         counts->shadow_rays += tile->counts.shadow_rays;
         counts->negative_diffuse += tile->counts.negative_diffuse;
+        counts->indirect_rays += tile->counts.indirect_rays;
+        counts->indirect_hits += tile->counts.indirect_hits;
         counts->rows_done += tile->counts.rows_done;
         status = status ? status : planes_add_extra(w->planes, tile->extra, tile->n_extra, e);
         free(tile->extra);

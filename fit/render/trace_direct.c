@@ -26,43 +26,52 @@ static struct shade_abc shade_by(unsigned features, const struct shade_paint *p,
     }
 }
 
-void trace_direct(const struct trace *t, const struct ray *ray, struct trace_sample *sample,
-                  struct render_counts *counts) {
+void trace_direct_at(const struct trace *t, const struct hit *hit, struct vec3 v, struct shade_abc *set,
+                     struct render_counts *counts) {
     const struct scene *scene = t->scene;
-    struct hit hit;
-    counts->camera_rays++;
-    sample->paint = -1;
-    if (!intersect_nearest(scene, ray, &hit)) {
-        return;
-    }
-    counts->hits++;
-    sample->paint = hit.paint;
-    const struct paint *paint = &scene->paint[hit.paint];
-    struct vec3 v = vec3_scale(ray->direction, -1);
-    for (int j = 0; j < scene->n_spds; j++) {
-        sample->set[j] = (struct shade_abc){0, 0, 0};
-    }
+    const struct paint *paint = &scene->paint[hit->paint];
     for (int i = 0; i < scene->n_lights; i++) {
         const struct light *light = &scene->light[i];
         if (light->share == 0 && !t->dark_lights) {
             continue;
         }
-        struct shade_abc x = shade_by(t->shade_features, &paint->shade, &t->half[hit.paint][i], hit.normal,
+        struct shade_abc x = shade_by(t->shade_features, &paint->shade, &t->half[hit->paint][i], hit->normal,
                                       light->direction, v);
         if (x.a == 0 && x.c == 0) {
             continue;
         }
         counts->shadow_rays += t->shadow_rays;
-        if (t->shadow_rays && intersect_blocked(scene, &hit, light->direction, INFINITY)) {
+        if (t->shadow_rays && intersect_blocked(scene, hit, light->direction, INFINITY)) {
             continue;
         }
         if (x.a < 0) { /* Oren and Nayar's fit, forward and very rough */
             counts->negative_diffuse++;
             x.a = 0;
         }
-        struct shade_abc *sum = &sample->set[light->spd];
-        sum->a += light->share * x.a;
-        sum->b += light->share * x.b;
-        sum->c += light->share * x.c;
+        struct shade_abc *sum = &set[light->spd];
+        double part = light->share;
+        if (t->energy) {
+            part *= energy_scale(&t->energy[hit->paint], vec3_dot(hit->normal, light->direction),
+                                 vec3_dot(hit->normal, v));
+        }
+        sum->a += part * x.a;
+        sum->b += part * x.b;
+        sum->c += part * x.c;
     }
+}
+
+void trace_direct(const struct trace *t, const struct ray *ray, struct trace_sample *sample,
+                  struct render_counts *counts) {
+    struct hit hit;
+    counts->camera_rays++;
+    sample->paint = -1;
+    if (!intersect_nearest(t->scene, ray, &hit)) {
+        return;
+    }
+    counts->hits++;
+    sample->paint = hit.paint;
+    for (int j = 0; j < t->scene->n_spds; j++) {
+        sample->set[j] = (struct shade_abc){0, 0, 0};
+    }
+    trace_direct_at(t, &hit, vec3_scale(ray->direction, -1), sample->set, counts);
 }

@@ -6,16 +6,18 @@
 #include <unistd.h>
 
 #include "fit/render/albedo.h"
+#include "fit/render/energy.h"
 #include "fit/render/image.h"
 #include "fit/render/origin.h"
 #include "fit/render/planes_file.h"
+#include "fit/render/scene_keys.h"
 #include "fit/render/spectral.h"
 #include "fit/stopwatch.h"
 
 static const char help[] =
     "usage: goniorender render SCENE.yaml -o FILE.png|FILE.tif [--report R.json] [--all-features]\n"
     "                          [--session MATERIAL=FILE]... [--planes P.exr] [--spectral S.exr]\n"
-    "                          [--uncertainty U.exr] [--threads N]\n"
+    "                          [--uncertainty U.exr] [--energy scale|report] [--threads N]\n"
     "Renders a scene of painted shapes by wavelengths, 380-780 nm every 5 nm.\n"
     "  -o FILE.png       the picture; a series of light angles becomes FILE-001.png, FILE-002.png, ...\n"
     "  --planes P.exr    a, b, c of each pixel, for goniorender recolour (not of a series)\n"
@@ -23,9 +25,13 @@ static const char help[] =
     "  --uncertainty U.exr\n"
     "                    covariance of XYZ and L*a*b* by pixel and CIEDE2000 of drawn paints, from the "
     "joint\n"
-    "                    fits of the sessions; the error of the picture's own sampling (not of a series)\n"
+    "                    fits of the sessions; the error of the picture's own sampling (not of a series, nor "
+    "of\n"
+    "                    several bounces)\n"
     "  --session M=FILE  this session for the material M, whatever the scene names\n"
     "  --report R.json   what the picture carries as its origin, and the seconds it took\n"
+    "  --energy E        a paint that returns more light than it receives: `scale` it down beyond the first\n"
+    "                    bounce, or only `report` it; default: as the scene says\n"
     "  --all-features    leaves nothing out that the scene does not need\n"
     "  --threads N       default: one for each processor; the picture is the same for any number\n"
     "exit status: 0 done, 1 the work failed or was interrupted, 2 bad usage or bad input\n";
@@ -34,8 +40,17 @@ struct options {
     const char *scene, *output, *report, *planes, *spectral, *uncertainty;
     struct render_options render;
     struct scene_session session[SCENE_PAINTS];
-    int n_sessions;
+    int n_sessions, energy; /* -1: as the scene says */
 };
+
+static int take_energy(const char *text, int *energy, struct err *e) {
+    for (*energy = 0; scene_energies[*energy]; ++*energy) {
+        if (strcmp(text, scene_energies[*energy]) == 0) {
+            return 0;
+        }
+    }
+    return err_set(e, ERR_USAGE, "--energy is scale or report, not '%s'", text);
+}
 
 static int take_option(int c, void *arg, struct err *e) {
     struct options *o = arg;
@@ -58,6 +73,8 @@ static int take_option(int c, void *arg, struct err *e) {
     case 'u':
         o->uncertainty = optarg;
         return 0;
+    case 'E':
+        return take_energy(optarg, &o->energy, e);
     case 's':
         return verb_session(optarg, o->session, &o->n_sessions, e);
     case 't':
@@ -69,12 +86,17 @@ static int take_option(int c, void *arg, struct err *e) {
 
 /* 1: help was asked for and printed. */
 static int read_options(int argc, char **argv, struct options *o, struct err *e) {
-    static const struct option known[] = {
-        {"output", required_argument, NULL, 'o'},   {"report", required_argument, NULL, 'r'},
-        {"all-features", no_argument, NULL, 'a'},   {"threads", required_argument, NULL, 't'},
-        {"session", required_argument, NULL, 's'},  {"planes", required_argument, NULL, 'p'},
-        {"spectral", required_argument, NULL, 'S'}, {"uncertainty", required_argument, NULL, 'u'},
-        {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0}};
+    static const struct option known[] = {{"output", required_argument, NULL, 'o'},
+                                          {"report", required_argument, NULL, 'r'},
+                                          {"all-features", no_argument, NULL, 'a'},
+                                          {"threads", required_argument, NULL, 't'},
+                                          {"session", required_argument, NULL, 's'},
+                                          {"planes", required_argument, NULL, 'p'},
+                                          {"spectral", required_argument, NULL, 'S'},
+                                          {"uncertainty", required_argument, NULL, 'u'},
+                                          {"energy", required_argument, NULL, 'E'},
+                                          {"help", no_argument, NULL, 'h'},
+                                          {NULL, 0, NULL, 0}};
     int status = verb_options(argc, argv, known, help, take_option, o, e);
     if (!status && (optind + 1 != argc || !o->output)) {
         return err_set(e, ERR_USAGE,
@@ -96,8 +118,12 @@ static void print_materials(const struct scene *scene) {
                p->name, p->source, p->estimate.model, held, BANDS, 100 * share);
         double highest, above_deg = albedo_above_one_deg(p, &highest);
         printf("energy:   %s returns at most %.3g of the light", p->name, highest);
-        printf(above_deg < 0 ? "\n" : ": more than it receives from %g deg on, rendered as fitted\n",
-               above_deg);
+        if (above_deg >= 0) {
+            bool scaled = scene->image.bounces > 1 && scene->image.energy == ENERGY_SCALE;
+            printf(": more than it receives from %g deg on, rendered as fitted%s", above_deg,
+                   scaled ? ", beyond the first bounce scaled to what it receives" : "");
+        }
+        putchar('\n');
         if (share > PAINT_HELD_WARNING) {
             fprintf(stderr,
                     "warning: material %s: %.2g %% of its X, Y or Z rests on bands that were not measured\n",
@@ -123,9 +149,14 @@ static void print_picture(const struct scene *scene, const struct picture *p, co
            colour_observer_name((enum colour_observer)scene->image.observer), colour_space_name(p->space),
            colour_adaptation_name((enum colour_adaptation)scene->image.adaptation),
            (unsigned long long)p->clipped, (unsigned long long)p->out_of_gamut);
+    if (r->counts.indirect_rays) {
+        printf("paths:    %llu rays beyond the first bounce, %llu of them to another surface\n",
+               (unsigned long long)r->counts.indirect_rays, (unsigned long long)r->counts.indirect_hits);
+    }
     if (r->counts.negative_diffuse) {
         printf("negative diffuse terms, set to 0: %llu of %llu\n",
-               (unsigned long long)r->counts.negative_diffuse, (unsigned long long)r->counts.hits);
+               (unsigned long long)r->counts.negative_diffuse,
+               (unsigned long long)(r->counts.hits + r->counts.indirect_hits));
     }
 }
 
@@ -223,8 +254,25 @@ static int render_series(const struct job *job, struct err *e) {
     return status;
 }
 
+static int check_wishes(const struct job *job, struct err *e) {
+    const struct options *o = &job->options;
+    if (job->scene->n_pictures > 1 && (o->planes || o->spectral || o->uncertainty)) {
+        return err_set(
+            e, ERR_USAGE,
+            "--planes, --spectral and --uncertainty hold one picture; this scene is a series of %d",
+            job->scene->n_pictures);
+    }
+    if (job->scene->image.bounces > 1 && o->uncertainty) {
+        return err_set(e, ERR_USAGE,
+                       "--uncertainty is worked out for one bounce, and this scene asks for %d; give it "
+                       "`bounces: 1`",
+                       job->scene->image.bounces);
+    }
+    return 0;
+}
+
 int verb_render(int argc, char **argv) {
-    struct job job = {0};
+    struct job job = {.options.energy = -1};
     struct err e = {0};
     struct err_list errors = {0};
     double started = stopwatch_s();
@@ -239,15 +287,12 @@ int verb_render(int argc, char **argv) {
         free(job.line);
         return verb_complain_all(&errors);
     }
-    if (job.scene->n_pictures > 1 &&
-        (job.options.planes || job.options.spectral || job.options.uncertainty)) {
-        err_set(&e, ERR_USAGE,
-                "--planes, --spectral and --uncertainty hold one picture; this scene is a series of %d",
-                job.scene->n_pictures);
+    if (check_wishes(&job, &e)) {
         free(job.line);
         scene_free(job.scene);
         return verb_complain("render", &e);
     }
+    job.scene->image.energy = job.options.energy < 0 ? job.scene->image.energy : job.options.energy;
     job.parse_s = stopwatch_s() - started;
     job.options.render.cancel = verb_cancel();
     job.options.render.progress = isatty(STDERR_FILENO);

@@ -131,7 +131,11 @@ def test_threads_and_all_features_give_the_same_picture(folder):
 
 
 def test_recolour_needs_no_scene(folder):
-    scene = small(folder, "cylinder.yaml")
+    for name in ("cylinder.yaml", "fold.yaml"):
+        recolour_without(folder, small(folder, name))
+
+
+def recolour_without(folder, scene):
     assert run("render", scene, "-o", folder / "r.png", "--planes", folder / "p.exr")[0] == 0
     scene.write_text(scene.read_text().replace("D65", "A"))
     assert run("render", scene, "-o", folder / "a.png")[0] == 0
@@ -149,6 +153,28 @@ def test_recolour_needs_no_scene(folder):
     for words in (["--spd", "X"], ["--spd", "A", "--spd", "A"], ["--space", "cmyk"], ["--session", "red=x.gonio"]):
         code, out, err = run("recolour", folder / "p.exr", "-o", folder / "x.png", *words)
         assert code == 2 and err and not (folder / "x.png").exists(), words
+
+
+def test_several_bounces(folder):
+    scene = small(folder, "fold.yaml")
+    code, out, err = run("render", scene, "-o", folder / "p.png", "--planes", folder / "p.exr",
+                         "--spectral", folder / "s.exr")
+    assert code == 0 and "rays beyond the first bounce" in out, err
+    assert "rendered as fitted, beyond the first bounce scaled" in out
+    origin = origin_of(folder / "p.png")
+    assert origin["bounces"] == 5 and origin["energy"] == "scale" and "interreflection" in origin["kept"]
+    assert origin["counts"]["indirect_rays"] >= origin["counts"]["indirect_hits"] > 0
+    code, out, err = run("render", scene, "-o", folder / "r.png", "--energy", "report")
+    assert code == 0 and "rendered as fitted\n" in out and origin_of(folder / "r.png")["energy"] == "report", err
+    pixels = [[data for name, data in chunks(folder / p) if name == "IDAT"] for p in ("p.png", "r.png")]
+    assert pixels[0] != pixels[1]
+    for words, why in ((["--uncertainty", folder / "u.exr"], "one bounce"), (["--energy", "more"], "--energy")):
+        code, out, err = run("render", scene, "-o", folder / "x.png", *words)
+        assert code == 2 and why in err and not (folder / "x.png").exists(), err
+    code, out, err = run("recolour", folder / "p.exr", "-o", folder / "x.png", "--session", "orange=x.gonio")
+    assert code == 2 and "another S(lambda)" in err and not (folder / "x.png").exists()
+    code, out, err = run("sheet", folder / "p.exr", "-o", folder / "x.png", "--spd", "D65", "--spd", "A")
+    assert code == 0, err
 
 
 def test_spectral_picture_and_tiff(folder):

@@ -26,7 +26,7 @@
     "lights:\n"                                                                                              \
     "  - beam: {theta_deg: 25, weight: 3, spd: %s}\n"                                                        \
     "  - beam: {theta_deg: 60, azimuth_deg: 200, spd: D50}\n"                                                \
-    "camera: {orthographic: {height_mm: 80}}\nimage: {width: 50, height: 37, grid: 3}\n"
+    "camera: {orthographic: {height_mm: 80}}\nimage: {width: 50, height: 37, grid: 3, bounces: 3}\n"
 
 static void scratch(char path[40]) {
     strcpy(path, "/tmp/goniod-planes-XXXXXX.exr");
@@ -53,7 +53,7 @@ static void recolouring_is_rendering(void **state) {
     scratch(path);
     planes_of(first, &(struct render_options){0}, &planes, &report);
     planes_of(second, &(struct render_options){0}, &other, &report);
-    assert_true(planes.n_extra > 0);
+    assert_true(planes.n_extra > 0 && planes_have_indirect(&planes));
     if (planes_save(path, first, &planes, origin, &e) || planes_load(path, &read, &loaded, &back, &e))
         fail_msg("%s", e.text);
     assert_string_equal(json_string_value(json_object_get(back, "program")), "test");

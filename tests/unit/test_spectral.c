@@ -26,7 +26,7 @@
     "  - beam: {theta_deg: 25, weight: 3, spd: A}\n"                                                         \
     "  - beam: {theta_deg: 60, azimuth_deg: 200, spd: F11}\n"                                                \
     "camera: {orthographic: {height_mm: 80}}\n"                                                              \
-    "image: {width: 24, height: 21, grid: 3, exposure: 0.7, observer: 1964-10deg}\n"
+    "image: {width: 24, height: 21, grid: 3, exposure: 0.7, bounces: 3, observer: 1964-10deg}\n"
 
 struct saved {
     struct scene *scene;
@@ -63,6 +63,7 @@ static void the_bands_sum_to_the_picture(void **state) {
     assert_string_equal(s.image.text, "{\"x\":1}");
     assert_non_null(exr_plane(&s.image, "S0.380,000000nm"));
     assert_non_null(exr_plane(&s.image, "S0.780,000000nm"));
+    assert_true(planes_have_indirect(&s.planes));
     double *xyz = xyz_of(s.scene, &s.planes, false), white[3];
     assert_int_equal(white_of(s.scene, white, NULL), 0);
     struct colour_matrix display = white_display(s.scene, COLOUR_SRGB, white);

@@ -1,0 +1,48 @@
+/*
+ * path.h — one way of light over several surfaces, found backwards from what the camera sees, and the spectrum it carries.
+ *
+ * No direction depends on a wavelength, so a path is geometry alone: at each step a direction is drawn at the surface
+ * behind it, and the direct light of the next surface is taken from every light. Then all 81 bands are carried at once:
+ *     r(k) = sum over steps i of prod over m <= i of (a_m S(k) + b_m S(k)^2 + c_m)  *  (a S(k) + b S(k)^2 + c)_i
+ * a_m, b_m, c_m: scattered over the density of its direction, S of the paint it was scattered by; the last bracket: the
+ * direct light of the surface reached, S of its paint.
+ *
+ * Directions one in two ways, with the exact density of both together: cosine to the normal; as the lobe's facets
+ *            reflect (facet.h). The lobe's share by energy.h.
+ * Length     scene->image.bounces surfaces, the first included. Beyond PATH_SURE steps a path goes on by chance
+ *            (probability at most PATH_GOES_ON), weighted for those that did not.
+ * Promises   the mean over samples of r is that of all paths: no bias. Negative diffuse terms are set to 0 and counted.
+ *            Light between parts of one relief is not followed (relief.h: it only turns normals and shades).
+ * Checked    tests/unit/test_path.c
+ */
+#ifndef FIT_RENDER_PATH_H
+#define FIT_RENDER_PATH_H
+
+#include "fit/render/energy.h"
+#include "fit/render/sampler.h"
+#include "fit/render/trace.h"
+
+#define PATH_STEPS 31
+#define PATH_SURE 3
+#define PATH_FEATURES                                                                                        \
+    (SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES) /* half vectors are those of each direction */
+#define PATH_GOES_ON 0.95
+
+struct path_step {
+    int from, to;                        /* paints */
+    struct shade_abc scatter;            /* by `from`, over the density */
+    struct shade_abc light[PLANES_SETS]; /* direct, of `to`, in each set */
+};
+
+struct path {
+    int n;
+    struct path_step step[PATH_STEPS];
+};
+
+/* From a hit that is seen along v; t: beyond the first bounce, with energies. */
+void path_find(const struct trace *t, const struct hit *hit, struct vec3 v, struct sampler *sampler,
+               struct path *path, struct render_counts *counts);
+/* Adds part r(k) in each set to spectrum[set][k]. */
+void path_carry(const struct path *path, const struct scene *scene, double part, double (*spectrum)[BANDS]);
+
+#endif
