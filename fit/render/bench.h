@@ -37,6 +37,12 @@ struct bench_error { /* of one sampling of one scene */
     double trace_s;                     /* CPU */
 };
 
+struct bench_reference { /* X, Y, Z of each pixel from each half of the samples */
+    int n;
+    double *half[2];      /* [3 * n] each */
+    unsigned char *shown; /* [n] bit 0: an object in some sample; bit 1: at an edge of what is seen or lit */
+};
+
 struct bench_errors {
     struct bench_error row[BENCH_GRIDS];
     double reference_rmse; /* half the distance of the two halves, over the mean Y: the floor */
@@ -67,6 +73,11 @@ struct bench_grid {
 /* folder: a scratch folder, where the scene's files are written. */
 int bench_write_scene(const char *folder, const struct bench_scene *s, int pixels, int grid, char path[512],
                       struct err *e);
+void bench_reference_free(struct bench_reference *r);
+/* Fills all of *out but samples and trace_s. */
+int bench_compare(const struct bench_reference *r, const double *xyz, const double white[3],
+                  struct bench_error *out, struct err *e);
+double bench_floor(const struct bench_reference *r); /* half the distance of the halves, over the mean Y */
 int bench_error_run(const char *folder, const struct bench_scene *s, const struct bench_size *size,
                     struct bench_errors *errors, struct err *e);
 /* words: the program and its arguments; report: R.json that it writes, or NULL. */

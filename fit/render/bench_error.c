@@ -4,24 +4,8 @@
 
 #include "fit/reflectance.h"
 #include "fit/render/bench.h"
-#include "fit/render/ciede2000.h"
 #include "fit/render/trace.h"
 #include "proto/units.h"
-
-#define EPSILON 1e-4 /* of the mean squared, in relMSE */
-
-struct reference { /* X, Y, Z of each pixel from each half of the samples */
-    int n;
-    double *half[2];
-    unsigned char
-        *shown; /* bit 0: an object in some sample; bit 1: and none, or another part of it, in another */
-};
-
-static void free_reference(struct reference *r) {
-    free(r->half[0]);
-    free(r->half[1]);
-    free(r->shown);
-}
 
 struct sampling { /* the samples of one half in one pixel */
     const struct trace *trace;
@@ -51,7 +35,8 @@ static unsigned char sample_pixel(struct sampling *s, int x, int y, struct shade
     return (unsigned char)((met > 0) | ((met > 0 && lit < all && lit > 0) || (met > 0 && met < all)) << 1);
 }
 
-static int fill_half(const struct trace *trace, int grid, int half, struct reference *r, struct err *e) {
+static int fill_half(const struct trace *trace, int grid, int half, struct bench_reference *r,
+                     struct err *e) {
     const struct scene *scene = trace->scene;
     struct planes planes;
     int status = planes_make(&planes, scene->image.width, scene->image.height, 1, true, true, e);
@@ -73,7 +58,7 @@ static int fill_half(const struct trace *trace, int grid, int half, struct refer
     return status;
 }
 
-static int make_reference(const struct scene *scene, int grid, struct reference *r, struct err *e) {
+static int make_reference(const struct scene *scene, int grid, struct bench_reference *r, struct err *e) {
     struct shade_half(*half)[SCENE_LIGHTS] = calloc(SCENE_PAINTS, sizeof *half);
     struct trace trace = {.scene = scene,
                           .shadow_rays = true,
@@ -90,101 +75,6 @@ static int make_reference(const struct scene *scene, int grid, struct reference 
     status = status ? status : fill_half(&trace, grid, 1, r, e);
     free(half);
     return status;
-}
-
-static int by_size(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double mean_y(const struct reference *r) {
-    double sum = 0;
-    int n = 0;
-    for (int i = 0; i < r->n; i++) {
-        if (r->shown[i] & 1) {
-            sum += (r->half[0][3 * i + 1] + r->half[1][3 * i + 1]) / 2;
-            n++;
-        }
-    }
-    return n ? sum / n : 1;
-}
-
-struct sums {
-    double all, edge, inner, relative;
-    int n, n_edge, n_inner;
-};
-
-static double root_mean(double sum, int n) {
-    return n ? sqrt(sum / (3.0 * n)) : 0;
-}
-
-static void compare_pixel(const struct reference *r, int i, const double *xyz, double mean, struct sums *sums,
-                          struct bench_error *out) {
-    double square = 0;
-    for (int k = 0; k < 3; k++) {
-        double expected = (r->half[0][3 * i + k] + r->half[1][3 * i + k]) / 2, d = xyz[3 * i + k] - expected;
-        square += d * d;
-        sums->relative += d * d / (expected * expected + EPSILON * mean * mean);
-        out->largest = fmax(out->largest, fabs(d) / mean);
-    }
-    sums->all += square;
-    sums->n++;
-    if (r->shown[i] & 2) {
-        sums->edge += square;
-        sums->n_edge++;
-    } else {
-        sums->inner += square;
-        sums->n_inner++;
-    }
-}
-
-static double difference(const struct reference *r, int i, const double *xyz, const double white[3]) {
-    double expected[3], lab1[3], lab2[3];
-    for (int k = 0; k < 3; k++) {
-        expected[k] = (r->half[0][3 * i + k] + r->half[1][3 * i + k]) / 2;
-    }
-    colour_lab(expected, white, lab1);
-    colour_lab(xyz + 3L * i, white, lab2);
-    return ciede2000(lab1, lab2);
-}
-
-static int compare(const struct reference *r, const double *xyz, const double white[3],
-                   struct bench_error *out, struct err *e) {
-    struct sums sums = {0};
-    double mean = mean_y(r), *de = malloc((size_t)r->n * sizeof *de);
-    if (!de) {
-        return err_set(e, ERR_NOMEM, "no memory to compare");
-    }
-    for (int i = 0; i < r->n; i++) {
-        if (r->shown[i] & 1) {
-            de[sums.n] = difference(r, i, xyz, white);
-            out->de_mean += de[sums.n];
-            compare_pixel(r, i, xyz, mean, &sums, out);
-        }
-    }
-    out->rmse = root_mean(sums.all, sums.n) / mean;
-    out->edge_rmse = root_mean(sums.edge, sums.n_edge) / mean;
-    out->inner_rmse = root_mean(sums.inner, sums.n_inner) / mean;
-    out->relmse = sums.n ? sums.relative / (3.0 * sums.n) : 0;
-    out->de_mean /= sums.n ? sums.n : 1;
-    qsort(de, (size_t)sums.n, sizeof *de, by_size);
-    out->de_p95 = sums.n ? de[(int)(0.95 * (sums.n - 1))] : 0;
-    out->de_largest = sums.n ? de[sums.n - 1] : 0;
-    free(de);
-    return 0;
-}
-
-static double floor_of(const struct reference *r) {
-    double sum = 0;
-    int n = 0;
-    for (int i = 0; i < r->n; i++) {
-        for (int k = 0; k < 3 && (r->shown[i] & 1); k++) {
-            double d = r->half[0][3 * i + k] - r->half[1][3 * i + k];
-            sum += d * d;
-            n++;
-        }
-    }
-    return n ? sqrt(sum / n) / 2 / mean_y(r) : 0;
 }
 
 /* a, b and c of one hit again by fit/reflectance.h, from angles instead of vectors. */
@@ -240,7 +130,7 @@ static int compare_model(struct scene *scene, struct bench_errors *errors, struc
     return status;
 }
 
-static int error_row(struct scene *scene, const struct reference *reference, int grid,
+static int error_row(struct scene *scene, const struct bench_reference *reference, int grid,
                      struct bench_error *row, struct err *e) {
     struct planes planes;
     struct render_report report = {0};
@@ -254,7 +144,7 @@ static int error_row(struct scene *scene, const struct reference *reference, int
     if (!status) {
         row->trace_s = report.trace_cpu_s;
         status = render_xyz(scene, &planes, false, xyz, e);
-        status = status ? status : compare(reference, xyz, white, row, e);
+        status = status ? status : bench_compare(reference, xyz, white, row, e);
         planes_free(&planes);
     }
     free(xyz);
@@ -277,7 +167,7 @@ int bench_error_run(const char *folder, const struct bench_scene *s, const struc
                     struct bench_errors *errors, struct err *e) {
     char path[512];
     struct err_list list = {0};
-    struct reference reference = {0};
+    struct bench_reference reference = {0};
     *errors = (struct bench_errors){0};
     int status = bench_write_scene(folder, s, size->error_pixels, 1, path, e);
     struct scene *scene = status ? NULL : scene_read(path, NULL, 0, &list);
@@ -291,10 +181,10 @@ int bench_error_run(const char *folder, const struct bench_scene *s, const struc
         status = error_row(scene, &reference, 1 << i, &errors->row[i], e);
     }
     if (!status) {
-        errors->reference_rmse = floor_of(&reference);
+        errors->reference_rmse = bench_floor(&reference);
         errors->slope = slope_of(errors);
     }
-    free_reference(&reference);
+    bench_reference_free(&reference);
     scene_free(scene);
     return status;
 }
