@@ -14,6 +14,8 @@ static const char *const names[FEATURES] = {
     [FEATURE_SHADOW_RAYS] = "shadow rays",
     [FEATURE_WAVELENGTHS] = "sums over wavelengths",
     [FEATURE_INTERREFLECTION] = "interreflection",
+    [FEATURE_RANDOM] = "random samples",
+    [FEATURE_FACETS] = "facet sampling",
 };
 
 const char *feature_name(enum feature feature) {
@@ -34,8 +36,16 @@ static void decide(struct features *f, enum feature feature, bool kept, double b
     va_end(arguments);
 }
 
+static int lights_with_extent(const struct scene *scene) {
+    int n = 0;
+    for (int i = 0; i < scene->n_lights; i++) {
+        n += light_has_extent(&scene->light[i]) && scene->light[i].share > 0;
+    }
+    return n;
+}
+
 static bool parallel(const struct scene *scene) {
-    return scene->camera.kind == CAMERA_ORTHOGRAPHIC;
+    return scene->camera.kind == CAMERA_ORTHOGRAPHIC && lights_with_extent(scene) == 0;
 }
 
 static void decide_lights(const struct scene *scene, struct features *f) {
@@ -55,7 +65,7 @@ static double lobe_peak(const struct scene *scene, const struct paint *paint, co
         return 0;
     }
     if (!parallel(scene)) {
-        return INFINITY; /* some eye ray may graze */
+        return INFINITY; /* some direction may graze */
     }
     struct shade_half half =
         shade_half(&paint->shade, light->direction, vec3_scale(scene->camera.forward, -1));
@@ -215,6 +225,73 @@ static void decide_wavelengths(struct features *f) {
     }
 }
 
+static bool shows_in(const struct scene *scene, int shape, int paint) {
+    for (int k = 0; k < scene->shape[shape].n_materials; k++) {
+        if (scene->shape[shape].paint_of[k] == paint) {
+            return true;
+        }
+    }
+    return false;
+}
+
+struct features_facets features_facets(const struct scene *scene, int paint, int light) {
+    const struct shade_paint *p = &scene->paint[paint].shade;
+    const struct light *l = &scene->light[light];
+    struct features_facets f = {.size_mm = light_size_mm(l), .distance_mm = INFINITY};
+    double exponent = fmax(p->beta_prime > 0 ? p->exponent : 0, p->beta_prime_2 > 0 ? p->exponent_2 : 0);
+    f.gamma = exponent > 0 ? sqrt(M_LN2 / exponent) : INFINITY;
+    for (int i = 0; i < scene->n_shapes; i++) {
+        if (shows_in(scene, i, paint)) {
+            struct vec3 middle = {l->at_mm[0], l->at_mm[1], l->at_mm[2]};
+            f.distance_mm = fmin(f.distance_mm, shape_distance_mm(&scene->shape[i], middle));
+        }
+    }
+    bool glossy = exponent > 0 && isfinite(f.distance_mm);
+    f.drawn = glossy && (l->kind == LIGHT_ENVIRONMENT || f.gamma * f.distance_mm < f.size_mm);
+    return f;
+}
+
+static void decide_random(const struct scene *scene, struct features *f) {
+    int extended = lights_with_extent(scene);
+    decide(f, FEATURE_RANDOM, extended > 0 || beyond_one_bounce(f), 0, "%d lights with extent%s", extended,
+           beyond_one_bounce(f) ? ", several bounces" : "");
+}
+
+static void decide_facets(const struct scene *scene, struct features *f) {
+    int drawn = 0, all = 0;
+    for (int i = 0; i < scene->n_paints * scene->n_lights; i++) {
+        const struct light *light = &scene->light[i % scene->n_lights];
+        if (light_has_extent(light) && light->share > 0) {
+            drawn += features_facets(scene, i / scene->n_lights, i % scene->n_lights).drawn;
+            all++;
+        }
+    }
+    if (all == 0) {
+        decide(f, FEATURE_FACETS, false, 0, "no light with extent");
+    } else {
+        decide(f, FEATURE_FACETS, drawn > 0, 0, "gamma * distance < size of light for %d of %d", drawn, all);
+    }
+}
+
+void features_print_facets(const struct scene *scene, FILE *out) {
+    for (int i = 0; i < scene->n_paints * scene->n_lights; i++) {
+        int light = i % scene->n_lights, paint = i / scene->n_lights;
+        const struct light *l = &scene->light[light];
+        struct features_facets f = features_facets(scene, paint, light);
+        if (!light_has_extent(l) || l->share == 0 || isinf(f.gamma) || isinf(f.distance_mm)) {
+            continue;
+        }
+        fprintf(out, "gloss:    %s in light %d (%s): drawn by ", scene->paint[paint].name, light + 1,
+                light_name(l->kind));
+        if (l->kind == LIGHT_ENVIRONMENT) {
+            fputs("light and facets, the light is all around\n", out);
+        } else {
+            fprintf(out, "%s, gamma %.3g x %.3g mm %s its %.3g mm\n", f.drawn ? "light and facets" : "light",
+                    f.gamma, f.distance_mm, f.drawn ? "<" : ">=", f.size_mm);
+        }
+    }
+}
+
 static void keep_all(struct features *f) {
     for (int i = 0; i < FEATURES; i++) {
         decide(f, (enum feature)i, true, 0, "asked for");
@@ -232,9 +309,13 @@ void features_find(const struct scene *scene, bool all, struct features *feature
     decide_relatives(scene, features);
     decide_sigma(scene, features);
     decide(features, FEATURE_EACH_DIRECTION, !parallel(scene), 0,
-           parallel(scene) ? "parallel light and camera" : "perspective camera");
+           parallel(scene)                 ? "parallel light and camera"
+           : lights_with_extent(scene) > 0 ? "light from many directions"
+                                           : "perspective camera");
     decide_shadows(scene, features);
     decide_wavelengths(features);
+    decide_random(scene, features);
+    decide_facets(scene, features);
 }
 
 double features_bound(const struct features *features) {

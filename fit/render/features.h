@@ -25,6 +25,8 @@ enum feature {
     FEATURE_SHADOW_RAYS,
     FEATURE_WAVELENGTHS,     /* 81 sums for each pixel instead of a 3x3 matrix */
     FEATURE_INTERREFLECTION, /* paths over several surfaces, and the spectra they carry */
+    FEATURE_RANDOM,          /* random samples of light and of paths, and the plane of their noise */
+    FEATURE_FACETS,          /* directions drawn by the lobe, beside those to the light */
     FEATURES
 };
 
@@ -38,9 +40,17 @@ struct features {
     struct feature_line line[FEATURES];
 };
 
+struct features_facets { /* of one paint in one light */
+    bool drawn; /* by the lobe too: gamma * distance < size; else by the light alone, which then errs less */
+    double gamma, distance_mm, size_mm; /* the narrower lobe; the nearest that the light comes to the paint */
+};
+
 void features_find(const struct scene *scene, bool all, struct features *features);
 /* n.h below which the lobe of this paint under this light is left out; -INFINITY: nowhere, INFINITY: everywhere. */
 double features_lobe_cut(const struct scene *scene, const struct paint *paint, const struct light *light);
+struct features_facets features_facets(const struct scene *scene, int paint, int light);
+/* One line for each paint in each light with extent: how its gloss is drawn, and why. */
+void features_print_facets(const struct scene *scene, FILE *out);
 const char *feature_name(enum feature feature);
 double features_bound(const struct features *features); /* the sum over what is left out */
 /* `left out: NAME (reason), ...` and `kept: NAME (reason), ...` */

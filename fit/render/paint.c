@@ -125,6 +125,7 @@ static int prepare_spectrum(struct paint *p, struct err *e) {
 
 int paint_prepare(struct paint *paint, struct err *e) {
     int status = prepare_shade(paint, e);
+    paint->drawn = paint->shade;
     return status ? status : prepare_spectrum(paint, e);
 }
 

@@ -29,6 +29,8 @@ struct paint {
     double s[BANDS];
     bool held[BANDS];
     struct shade_paint shade; /* made by paint_prepare */
+    struct shade_paint
+        drawn; /* by whose lobe facets are drawn: as shade, unless a parameter was moved a little */
 };
 
 /* From paint->estimate: s, held and shade. To be called again after a parameter or s_lambda was changed. */

@@ -85,6 +85,7 @@ void path_find(const struct trace *t, const struct hit *hit, struct vec3 v, stru
         at = next;
         memset(step->light, 0, (size_t)t->scene->n_spds * sizeof *step->light);
         trace_direct_at(t, &at, v, step->light, counts);
+        trace_area_at(t, &at, v, sampler, step->light, counts);
         path->n++;
     }
 }

@@ -48,6 +48,12 @@ bool planes_have_indirect(const struct planes *p) {
     return p->n_sets > 0 && p->set[0].indirect;
 }
 
+int planes_add_noise(struct planes *p, struct err *e) {
+    p->noise = plane(p);
+    return p->noise ? 0
+                    : err_set(e, ERR_NOMEM, "no memory for the noise of %d x %d pixels", p->width, p->height);
+}
+
 void planes_free(struct planes *p) {
     for (int j = 0; j < p->n_sets; j++) {
         free(p->set[j].a);
@@ -56,6 +62,7 @@ void planes_free(struct planes *p) {
         free(p->set[j].indirect);
     }
     free(p->paint);
+    free(p->noise);
     free(p->extra);
     *p = (struct planes){0};
 }

@@ -12,6 +12,8 @@
  *
  * Shapes     a, b, c [height * width] by rows from the top; b or c NULL: left out (0 everywhere). paint -1: nothing.
  *            extra[] in the order of pixels. indirect [height * width][BANDS], 32-bit floats, or NULL.
+ *            noise [height * width]: the variance of each pixel's Y, as the scene colours it, by what was drawn at
+ *            random; NULL: nothing was.
  * Checked    tests/unit/test_render.c
  */
 #ifndef FIT_RENDER_PLANES_H
@@ -40,6 +42,7 @@ struct planes {
         float *indirect;
     } set[PLANES_SETS];
     int16_t *paint;
+    double *noise;
     struct planes_extra *extra;
     size_t n_extra, extra_capacity;
     size_t bytes; /* of all planes */
@@ -49,6 +52,7 @@ int planes_make(struct planes *p, int width, int height, int n_sets, bool with_b
 /* All 0; of 81 values for each pixel and set. */
 int planes_add_indirect(struct planes *p, struct err *e);
 bool planes_have_indirect(const struct planes *p);
+int planes_add_noise(struct planes *p, struct err *e);
 void planes_free(struct planes *p);
 int planes_add_extra(struct planes *p, const struct planes_extra *extra, size_t n, struct err *e);
 

@@ -1,6 +1,7 @@
 #include "fit/render/render.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "fit/render/crew.h"
 #include "fit/render/path.h"
@@ -43,6 +44,76 @@ static struct energy *prepare_energies(const struct scene *scene) {
     return energy;
 }
 
+/* Y of a, b and c, and of a spectrum, for the noise of what is drawn. */
+static int prepare_y(const struct scene *scene, struct trace_y *y, struct err *e) {
+    enum colour_observer observer = (enum colour_observer)scene->image.observer;
+    int status = 0;
+    for (int j = 0; j < scene->n_spds && !status; j++) {
+        double scaled[BANDS];
+        for (int p = 0; p < scene->n_paints && !status; p++) {
+            struct colour_matrix m;
+            status = colour_collapse(scene->paint[p].s, scene->spd[j].power, observer, &m, e);
+            memcpy(y->abc[p][j], m.m[1], sizeof y->abc[p][j]);
+        }
+        colour_scale_power(scene->spd[j].power, observer, scaled);
+        for (int k = 0; k < BANDS; k++) {
+            y->band[j][k] = scaled[k] * colour_cmf(observer)[k][1];
+        }
+    }
+    return status;
+}
+
+/* asked: facets wherever there is a lobe. */
+static void prepare_random(struct trace *t, bool facets, bool asked) {
+    const struct scene *scene = t->scene;
+    int rays = scene->image.grid * scene->image.grid, each = TRACE_GROUPS * rays;
+    t->repeats = TRACE_GROUPS * ((scene->image.samples + each - 1) / each);
+    for (int i = 0; i < scene->n_paints * scene->n_lights && facets; i++) {
+        int p = i / scene->n_lights, light = i % scene->n_lights;
+        t->facets[p][light] = asked || features_facets(scene, p, light).drawn;
+    }
+}
+
+struct parts { /* of one rendering, beside its planes */
+    struct trace trace, beyond;
+    struct trace_y *y;
+    struct energy *energy;
+    bool random, paths;
+};
+
+static int prepare(struct parts *x, const struct render_options *options, const struct features *f,
+                   struct err *e) {
+    const struct scene *scene = x->trace.scene;
+    bool asked = options->all_features || options->keep >> FEATURE_FACETS & 1;
+    x->paths = kept(f, FEATURE_INTERREFLECTION) && scene->image.bounces > 1;
+    x->random = x->paths || kept(f, FEATURE_RANDOM);
+    x->trace.half = calloc(SCENE_PAINTS, sizeof *x->trace.half);
+    x->y = x->random ? calloc(1, sizeof *x->y) : NULL;
+    x->energy = x->paths ? prepare_energies(scene) : NULL;
+    if (!x->trace.half || (x->random && !x->y) || (x->paths && !x->energy)) {
+        return err_set(e, ERR_NOMEM, "no memory to render");
+    }
+    prepare_halves(&x->trace);
+    if (x->random) {
+        prepare_random(&x->trace, kept(f, FEATURE_FACETS), asked);
+        x->trace.y = x->y;
+    }
+    x->beyond = x->trace;
+    x->beyond.shade_features = PATH_FEATURES;
+    x->beyond.energy = x->energy;
+    x->trace.beyond = x->paths ? &x->beyond : NULL;
+    return x->random ? prepare_y(scene, x->y, e) : 0;
+}
+
+static int make_planes(const struct parts *x, struct planes *planes, struct err *e) {
+    const struct scene *scene = x->trace.scene;
+    unsigned shade_features = x->trace.shade_features;
+    int status = planes_make(planes, scene->image.width, scene->image.height, scene->n_spds,
+                             shade_features & SHADE_SIGMA, shade_features & SHADE_SPECULAR, e);
+    status = status || !x->random ? status : planes_add_noise(planes, e);
+    return status || !x->paths ? status : planes_add_indirect(planes, e);
+}
+
 int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct render_report *report, struct err *e) {
     struct render_options own = *options;
@@ -54,30 +125,18 @@ int render_planes(const struct scene *scene, const struct render_options *option
             report->features.line[i] = (struct feature_line){true, 0, "asked for"};
         }
     }
-    struct trace trace = {.scene = scene,
-                          .shade_features = shade_mask(&report->features),
-                          .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
-                          .dark_lights = kept(&report->features, FEATURE_LIGHTS),
-                          .half = calloc(SCENE_PAINTS, sizeof *trace.half)};
-    bool paths = kept(&report->features, FEATURE_INTERREFLECTION) && scene->image.bounces > 1;
-    struct energy *energy = paths ? prepare_energies(scene) : NULL;
-    if (!trace.half || (paths && !energy)) {
-        free(trace.half);
-        return err_set(e, ERR_NOMEM, "no memory to render");
-    }
-    trace.repeats = 4;
-    struct trace beyond = trace;
-    beyond.shade_features = PATH_FEATURES;
-    beyond.energy = energy;
-    trace.beyond = paths ? &beyond : NULL;
-    prepare_halves(&trace);
-    int status = planes_make(planes, scene->image.width, scene->image.height, scene->n_spds,
-                             trace.shade_features & SHADE_SIGMA, trace.shade_features & SHADE_SPECULAR, e);
-    status = status || !paths ? status : planes_add_indirect(planes, e);
-    status = status ? status
-                    : trace_run(&trace, paths ? trace_path : trace_direct, &own, planes, &report->counts, e);
-    free(trace.half);
-    free(energy);
+    struct parts x = {.trace = {.scene = scene,
+                                .shade_features = shade_mask(&report->features),
+                                .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
+                                .dark_lights = kept(&report->features, FEATURE_LIGHTS)}};
+    *planes = (struct planes){0};
+    int status = prepare(&x, &own, &report->features, e);
+    status = status ? status : make_planes(&x, planes, e);
+    trace_integrator *integrator = x.paths ? trace_path : x.random ? trace_area : trace_direct;
+    status = status ? status : trace_run(&x.trace, integrator, &own, planes, &report->counts, e);
+    free(x.trace.half);
+    free(x.y);
+    free(x.energy);
     report->threads = own.threads;
     report->trace_s = stopwatch_s() - started;
     report->trace_cpu_s = stopwatch_cpu_s() - cpu;

@@ -28,9 +28,13 @@ struct render_options {
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
 
+#define RENDER_FIREFLY                                                                                       \
+    100 /* times the mean of the 8 x 8 pixels around: a sample that more samples would not confirm */
+
 struct render_counts {
     uint64_t camera_rays, hits, shadow_rays, negative_diffuse; /* a < 0, set to 0 */
     uint64_t indirect_rays, indirect_hits;                     /* beyond the first bounce */
+    uint64_t drawn, fireflies; /* random samples; pixels with one of over RENDER_FIREFLY times the mean */
     int rows_done;
 };
 

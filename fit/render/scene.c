@@ -243,6 +243,7 @@ static void check_spd(struct check *c, const char *at, struct light *light) {
 static void check_light(struct check *c, int i) {
     struct scene *scene = c->scene;
     struct light *light = &scene->light[i];
+    struct err e = {0};
     char at[96];
     snprintf(at, sizeof at, "lights[%d]", i);
     int kind = only_kind(c, at, light->given, LIGHT_KINDS);
@@ -251,7 +252,11 @@ static void check_light(struct check *c, int i) {
         return;
     }
     light->kind = (enum light_kind)kind;
-    snprintf(at, sizeof at, "lights[%d].beam.spd", i);
+    if (light_prepare(light, scene->folder, &e)) {
+        snprintf(at, sizeof at, "lights[%d].%s", i, light_name(light->kind));
+        complain(c, at, "%.400s", e.text);
+    }
+    snprintf(at, sizeof at, "lights[%d].%s.spd", i, light_name(light->kind));
     check_spd(c, at, light);
     if (light->n_theta > 1 && scene->n_pictures > 1 && light->n_theta != scene->n_pictures) {
         snprintf(at, sizeof at, "lights[%d].beam.theta_deg", i);
@@ -365,6 +370,9 @@ struct scene *scene_read(const char *path, const struct scene_session *sessions,
 void scene_free(struct scene *scene) {
     for (int i = 0; scene && i < scene->n_shapes; i++) {
         shape_free(&scene->shape[i]);
+    }
+    for (int i = 0; scene && i < scene->n_lights; i++) {
+        light_free(&scene->light[i]);
     }
     free(scene);
 }

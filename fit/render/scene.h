@@ -33,6 +33,7 @@ struct scene_image {
     int grid;    /* grid x grid samples a pixel, at the centres of its parts */
     int bounces; /* surfaces that light may have come over: 1, what the lights alone make */
     int energy;  /* enum energy_policy */
+    int samples; /* of a light with extent in each pixel, at random */
     int bits;
     int observer, space, adaptation; /* enums of colour.h */
     double exposure;                 /* Y = 1 of the perfect diffuser becomes this in the picture */

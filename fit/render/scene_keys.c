@@ -7,7 +7,6 @@
 
 #define AT_SCENE(field) offsetof(struct scene, field)
 #define AT_MATERIAL(field) offsetof(struct scene_material, field)
-#define AT_LIGHT(field) offsetof(struct light, field)
 #define AT_CAMERA(field) offsetof(struct camera, field)
 #define AT_IMAGE(field) offsetof(struct scene_image, field)
 
@@ -63,46 +62,6 @@ static const struct yaml_key material_keys[] = {
     PARAMETER("beta_prime_2", beta_prime_2, 0, "0", "its coefficient"),
     PARAMETER("kappa", kappa, 0, "1", "of the interreflection; pi is the paper's printed form"),
     {0}};
-
-static int read_theta(struct yaml_reader *r, const struct yaml_node *node, void *object);
-
-static const struct yaml_key beam_keys[] = {
-    {.name = "theta_deg",
-     .type = YAML_CUSTOM,
-     .custom = read_theta,
-     .required = true,
-     .unit = "deg",
-     .doc = "angle from the z axis; a list or {from, to, step} makes a series of pictures"},
-    {.name = "azimuth_deg",
-     .type = YAML_DOUBLE,
-     .offset = AT_LIGHT(azimuth_deg),
-     .low = -360,
-     .high = 360,
-     .default_text = "0",
-     .unit = "deg",
-     .doc = "where it comes from: 0 right, 90 above, 180 left"},
-    {.name = "spd",
-     .type = YAML_STRING,
-     .offset = AT_LIGHT(spd_name),
-     .size = sizeof((struct light *)0)->spd_name,
-     .default_text = "D65",
-     .doc = "A, D50, D65, F2, F7, F11, a daylight as \"5003 K\", or a file NAME.csv with lambda_nm,value"},
-    {.name = "weight",
-     .type = YAML_DOUBLE,
-     .offset = AT_LIGHT(weight),
-     .low = 0,
-     .high = 1e6,
-     .default_text = "1",
-     .doc = "its illuminance, relative to the other lights"},
-    {0}};
-
-static const struct yaml_key light_keys[] = {{.name = "beam",
-                                              .type = YAML_MAP,
-                                              .offset = 0,
-                                              .keys = beam_keys,
-                                              .set_offset = AT_LIGHT(given) + 1,
-                                              .doc = "parallel light"},
-                                             {0}};
 
 static const struct yaml_key orthographic_keys[] = {
     SCENE_VECTOR("look_at_mm", AT_CAMERA(look_at_mm), AT_CAMERA(n_look_at), "[0, 0, 0]",
@@ -160,6 +119,9 @@ static const struct yaml_key image_keys[] = {
         "energy", energy, scene_energies, "scale",
         "beyond the first bounce a paint that returns more light than it receives is scaled down to what it "
         "receives; report: only told"),
+    COUNT("samples", samples, 1, 1 << 20, "64",
+          "of a light with extent, drawn at random in each pixel; made up to 4, 8, 12, ... for each of the "
+          "grid's"),
     CHOICE("observer", observer, scene_observers, "1931-2deg", "whose colour matching functions"),
     CHOICE("space", space, scene_spaces, "srgb", "the RGB space of the picture"),
     CHOICE("adaptation", adaptation, scene_adaptations, "bradford",
@@ -207,7 +169,7 @@ const struct yaml_key scene_keys[] = {{.name = "name",
                                        .size = sizeof(struct light),
                                        .count_offset = AT_SCENE(n_lights),
                                        .capacity = SCENE_LIGHTS,
-                                       .keys = light_keys,
+                                       .keys = scene_light_keys,
                                        .doc = "each a mapping with one key, its kind"},
                                       {.name = "camera",
                                        .type = YAML_MAP,
@@ -222,72 +184,3 @@ const struct yaml_key scene_keys[] = {{.name = "name",
                                        .default_text = "{}",
                                        .doc = "the picture"},
                                       {0}};
-
-static void add_theta(struct yaml_reader *r, const struct yaml_node *node, struct light *light, double deg) {
-    if (!(deg >= -180 && deg <= 180)) {
-        yaml_error(r, node, "%g deg is outside -180 .. 180 deg", deg);
-    } else if (light->n_theta == LIGHT_ANGLES) {
-        yaml_error(r, node, "more than %d angles in one series", LIGHT_ANGLES);
-    } else {
-        light->theta_deg[light->n_theta++] = deg;
-    }
-}
-
-struct sweep {
-    double from, to, step;
-};
-
-static const struct yaml_key sweep_keys[] = {{.name = "from",
-                                              .type = YAML_DOUBLE,
-                                              .offset = offsetof(struct sweep, from),
-                                              .required = true,
-                                              .unit = "deg",
-                                              .doc = "first angle"},
-                                             {.name = "to",
-                                              .type = YAML_DOUBLE,
-                                              .offset = offsetof(struct sweep, to),
-                                              .required = true,
-                                              .unit = "deg",
-                                              .doc = "last angle"},
-                                             {.name = "step",
-                                              .type = YAML_DOUBLE,
-                                              .offset = offsetof(struct sweep, step),
-                                              .low = 0.01,
-                                              .high = 360,
-                                              .required = true,
-                                              .unit = "deg",
-                                              .doc = "from one picture to the next"},
-                                             {0}};
-
-static void read_sweep(struct yaml_reader *r, const struct yaml_node *node, struct light *light) {
-    struct sweep sweep = {0};
-    if (yaml_read_map(r, node, sweep_keys, &sweep)) {
-        return;
-    }
-    int last = (int)floor((sweep.to - sweep.from) / sweep.step + 1e-9);
-    if (last < 0) {
-        yaml_error(r, node, "from %g to %g deg runs backwards: `from` is the smaller angle", sweep.from,
-                   sweep.to);
-    }
-    for (int i = 0; i <= last && i <= LIGHT_ANGLES; i++) {
-        add_theta(r, node, light, sweep.from + i * sweep.step);
-    }
-}
-
-static int read_theta(struct yaml_reader *r, const struct yaml_node *node, void *object) {
-    struct light *light = object;
-    double deg;
-    light->n_theta = 0;
-    if (yaml_is_map(node)) {
-        read_sweep(r, node, light);
-    } else if (yaml_is_list(node)) {
-        for (size_t i = 0; i < yaml_count(node); i++) {
-            if (yaml_read_double(r, yaml_item(node, i), &deg) == 0) {
-                add_theta(r, yaml_item(node, i), light, deg);
-            }
-        }
-    } else if (yaml_read_double(r, node, &deg) == 0) {
-        add_theta(r, node, light, deg);
-    }
-    return 0;
-}

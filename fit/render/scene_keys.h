@@ -24,6 +24,7 @@
 
 extern const struct yaml_key scene_keys[];
 extern const struct yaml_key scene_shape_keys[];
+extern const struct yaml_key scene_light_keys[];
 extern const char *const scene_models[]; /* indexed by scene_material.model; NULL ends each list */
 extern const char *const scene_observers[], *const scene_spaces[],
                                                 *const scene_adaptations[]; /* as in colour.h */

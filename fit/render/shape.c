@@ -73,3 +73,13 @@ bool shape_is_convex(const struct shape *s) {
 double shape_reach_mm(const struct shape *s) {
     return kinds[s->kind].reach(s);
 }
+
+double shape_distance_mm(const struct shape *s, struct vec3 place) {
+    struct vec3 own = frame_into(&s->frame, vec3_sub(place, s->frame.at));
+    if (s->kind != SHAPE_RECTANGLE) {
+        return fmax(vec3_length(own) - shape_reach_mm(s), 0);
+    }
+    double x = fmax(fabs(own.x) - s->rectangle.width_mm / 2, 0);
+    double y = fmax(fabs(own.y) - s->rectangle.height_mm / 2, 0);
+    return sqrt(x * x + y * y + own.z * own.z);
+}

@@ -84,6 +84,8 @@ bool shape_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 bool shape_is_convex(const struct shape *s);
 /* Whether its own relief stands between a hit on it and the light in direction l. */
 bool shape_shadows_itself(const struct shape *s, const struct hit *hit, struct vec3 l);
+/* How near it comes to a place, or a little less. */
+double shape_distance_mm(const struct shape *s, struct vec3 place);
 /* The sphere around frame.at that holds all of it. */
 double shape_reach_mm(const struct shape *s);
 

@@ -33,6 +33,8 @@ static int render_moved(const struct scene *scene, const bool *moves, int parame
                 *at = best; /* beyond a bound: one-sided */
                 status = paint_prepare(paint, e);
             }
+            paint->drawn =
+                scene->paint[p].drawn; /* the same directions up and down: no noise in the difference */
         }
         value[p] = *at;
     }

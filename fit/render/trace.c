@@ -1,13 +1,19 @@
 #include "fit/render/trace.h"
 
+#include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "fit/render/crew.h"
 
+struct drawn { /* of one pixel: the mean and the largest Y of what was drawn */
+    double mean, brightest;
+};
+
 struct tile {
     struct render_counts counts;
+    struct drawn *drawn; /* [TRACE_TILE_ROWS * width] while it is traced; NULL: nothing is drawn */
     struct planes_extra *extra;
     size_t n_extra, capacity;
 };
@@ -23,12 +29,24 @@ struct work { /* one picture, shared by all threads */
 
 struct pixel { /* sums over its samples, one entry for each paint it shows */
     int n;
+    double y[TRACE_GROUPS], brightest; /* of all paints */
     struct trace_sample sum[SCENE_PAINTS];
     double indirect[PLANES_SETS][BANDS]; /* of all paints */
 };
 
+void trace_count(const struct trace *t, int repeat, double y, struct trace_sample *sample,
+                 struct render_counts *counts) {
+    sample->y[repeat % TRACE_GROUPS] += y * TRACE_GROUPS / t->repeats;
+    counts->drawn++;
+    sample->brightest = y > sample->brightest ? y : sample->brightest;
+}
+
 static void add_sample(struct pixel *pixel, const struct trace_sample *sample, int sets) {
     int i = 0;
+    pixel->brightest = fmax(pixel->brightest, sample->brightest);
+    for (int g = 0; g < TRACE_GROUPS; g++) {
+        pixel->y[g] += sample->y[g]; /* 0 where nothing is drawn */
+    }
     while (i < pixel->n && pixel->sum[i].paint != sample->paint) {
         i++;
     }
@@ -70,6 +88,24 @@ static void store_indirect(struct planes *p, size_t at, const struct pixel *pixe
     }
 }
 
+static double mean_y(const struct pixel *pixel, double part) {
+    double mean = 0;
+    for (int g = 0; g < TRACE_GROUPS; g++) {
+        mean += pixel->y[g] * part / TRACE_GROUPS;
+    }
+    return mean;
+}
+
+/* Of the mean of the groups: their scatter around it, over how many they are. */
+static double noise_of(const struct pixel *pixel, double part) {
+    double mean = mean_y(pixel, part), sum = 0;
+    for (int g = 0; g < TRACE_GROUPS; g++) {
+        double apart = pixel->y[g] * part - mean;
+        sum += apart * apart;
+    }
+    return sum / (TRACE_GROUPS * (TRACE_GROUPS - 1));
+}
+
 static bool store_pixel(struct work *w, struct tile *tile, size_t at, const struct pixel *pixel,
                         double part) {
     struct planes *p = w->planes;
@@ -77,6 +113,9 @@ static bool store_pixel(struct work *w, struct tile *tile, size_t at, const stru
     store_indirect(p, at, pixel, part);
     if (pixel->n > 0) {
         p->paint[at] = (int16_t)pixel->sum[0].paint;
+        if (p->noise) {
+            p->noise[at] = noise_of(pixel, part);
+        }
         for (int j = 0; j < p->n_sets; j++) {
             struct shade_abc mean = mean_of(&pixel->sum[0].set[j], part);
             p->set[j].a[at] = mean.a;
@@ -107,6 +146,8 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
     if (planes_have_indirect(w->planes)) {
         memset(pixel->indirect, 0, (size_t)w->planes->n_sets * sizeof *pixel->indirect);
     }
+    pixel->brightest = 0;
+    memset(pixel->y, 0, sizeof pixel->y);
     for (int j = 0; j < grid; j++) {
         for (int i = 0; i < grid; i++) {
             struct ray ray = camera_ray(&scene->camera, x + (i + 0.5) / grid, y + (j + 0.5) / grid);
@@ -119,23 +160,56 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
     }
 }
 
-static void trace_tile(void *work, int index) {
-    struct work *w = work;
-    struct tile *tile = &w->tile[index];
-    int first = index * TRACE_TILE_ROWS, last = first + TRACE_TILE_ROWS, width = w->planes->width;
+/* A sample far above its surroundings is a pixel that many more samples would show otherwise. The surroundings are a
+ * square of pixels, so that a highlight of one pixel is none. */
+static uint64_t count_fireflies(const struct drawn *drawn, int width, int rows) {
+    uint64_t n = 0;
+    for (int left = 0; left < width; left += TRACE_TILE_ROWS) {
+        int right = left + TRACE_TILE_ROWS < width ? left + TRACE_TILE_ROWS : width;
+        double sum = 0;
+        for (int i = 0; i < rows * (right - left); i++) {
+            sum += drawn[i / (right - left) * width + left + i % (right - left)].mean;
+        }
+        double limit = RENDER_FIREFLY * sum / (rows * (right - left));
+        for (int i = 0; i < rows * (right - left); i++) {
+            n += drawn[i / (right - left) * width + left + i % (right - left)].brightest > limit;
+        }
+    }
+    return n;
+}
+
+static bool trace_rows(struct work *w, struct tile *tile, int first, int last) {
+    int width = w->planes->width;
     double part = 1.0 / (w->trace->scene->image.grid * w->trace->scene->image.grid);
     struct pixel pixel;
-    last = last < w->planes->height ? last : w->planes->height;
     for (int y = first; y < last; y++) {
         for (int x = 0; x < width; x++) {
             trace_pixel(w, x, y, &pixel, &tile->counts);
             if (!store_pixel(w, tile, (size_t)y * (size_t)width + (size_t)x, &pixel, part)) {
-                atomic_store(&w->out_of_memory, true);
-                return;
+                return false;
+            }
+            if (tile->drawn) {
+                tile->drawn[(y - first) * width + x] = (struct drawn){mean_y(&pixel, part), pixel.brightest};
             }
         }
     }
-    tile->counts.rows_done = last - first;
+    return true;
+}
+
+static void trace_tile(void *work, int index) {
+    struct work *w = work;
+    struct tile *tile = &w->tile[index];
+    int first = index * TRACE_TILE_ROWS, last = first + TRACE_TILE_ROWS, width = w->planes->width;
+    bool random = w->trace->repeats > 0;
+    last = last < w->planes->height ? last : w->planes->height;
+    tile->drawn = random ? malloc(TRACE_TILE_ROWS * (size_t)width * sizeof *tile->drawn) : NULL;
+    if ((random && !tile->drawn) || !trace_rows(w, tile, first, last)) {
+        atomic_store(&w->out_of_memory, true);
+    } else {
+        tile->counts.rows_done = last - first;
+        tile->counts.fireflies = random ? count_fireflies(tile->drawn, width, last - first) : 0;
+    }
+    free(tile->drawn);
 }
 
 /* In the order of tiles, whoever did them. */
@@ -150,6 +224,8 @@ static int gather(struct work *w, struct render_counts *counts, struct err *e) {
         counts->negative_diffuse += tile->counts.negative_diffuse;
         counts->indirect_rays += tile->counts.indirect_rays;
         counts->indirect_hits += tile->counts.indirect_hits;
+        counts->drawn += tile->counts.drawn;
+        counts->fireflies += tile->counts.fireflies;
         counts->rows_done += tile->counts.rows_done;
         status = status ? status : planes_add_extra(w->planes, tile->extra, tile->n_extra, e);
         free(tile->extra);
