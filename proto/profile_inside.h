@@ -13,6 +13,14 @@
 
 extern const struct yaml_key profile_keys[];
 
+/* {reg: stat, mask: 0x6F, is: 0x21}; where `is` is left out it is the mask */
+struct profile_masked {
+    char reg[PROFILE_NAME];
+    int mask, is;
+    bool has_is;
+};
+int profile_parse_masked(struct yaml_reader *r, const struct yaml_node *node, struct profile_masked *masked);
+
 /* Custom parsers of profile_steps.c; object is the struct their table describes. */
 int profile_parse_done(struct yaml_reader *r, const struct yaml_node *node, void *profile);
 int profile_parse_accept(struct yaml_reader *r, const struct yaml_node *node, void *profile);

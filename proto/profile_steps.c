@@ -1,6 +1,13 @@
 #include <string.h>
 
 #include "proto/profile_inside.h"
+#include "proto/yaml_table.h"
+
+#define AT(member) struct profile, member
+#define MASKED(member) struct profile_masked, member
+#define READBACK(member) struct readback_form, member
+#define FORM(member) struct step_form, member
+#define SEQ(member) struct seq_form, member
 
 static const char *const SEQ_NAMES[PROFILE_SEQS + 1] = {
     [PROFILE_ENABLE] = "enable",     [PROFILE_DISABLE] = "disable",         [PROFILE_HOME] = "home",
@@ -18,42 +25,30 @@ static void place(const struct yaml_node *node, int *line, int *column) {
     *column = yaml_node_column(node);
 }
 
-/* {reg: stat, mask: 0x6F, is: 0x21} */
-struct raw_form {
-    char reg[PROFILE_NAME];
-    int mask, is;
-    bool has_is;
-};
+static const struct yaml_key MASKED_KEYS[] = {
+    YAML_TEXT("reg", MASKED(reg), .required = true),
+    YAML_INTEGER("mask", MASKED(mask), 1, 0x7fffffff, .required = true),
+    YAML_INTEGER("is", MASKED(is), 0, 0x7fffffff, YAML_SETS(MASKED(has_is)),
+                 .doc = "value under the mask; default: the mask"),
+    {0}};
 
-static const struct yaml_key RAW_KEYS[] = {
-    {.name = "reg",
-     .type = YAML_STRING,
-     .offset = offsetof(struct raw_form, reg),
-     .size = PROFILE_NAME,
-     .required = true},
-    {.name = "mask",
-     .type = YAML_INT,
-     .offset = offsetof(struct raw_form, mask),
-     .low = 1,
-     .high = 0x7fffffff,
-     .required = true},
-    {.name = "is",
-     .type = YAML_INT,
-     .offset = offsetof(struct raw_form, is),
-     .low = 0,
-     .high = 0x7fffffff,
-     .set_offset = offsetof(struct raw_form, has_is) + 1},
-    {.name = NULL},
-};
+int profile_parse_masked(struct yaml_reader *r, const struct yaml_node *node, struct profile_masked *masked) {
+    *masked = (struct profile_masked){0};
+    if (yaml_read_map(r, node, MASKED_KEYS, masked))
+        return -ERR_INPUT;
+    if (!masked->has_is)
+        masked->is = masked->mask;
+    return 0;
+}
 
 static int read_raw(struct yaml_reader *r, const struct yaml_node *node, struct profile_condition *c) {
-    struct raw_form form = {0};
-    if (yaml_read_map(r, node, RAW_KEYS, &form))
+    struct profile_masked masked;
+    if (profile_parse_masked(r, node, &masked))
         return -ERR_INPUT;
-    strcpy(c->name, form.reg);
+    strcpy(c->name, masked.reg);
     c->raw = true;
-    c->mask = (uint32_t)form.mask;
-    c->is = (uint32_t)(form.has_is ? form.is : form.mask);
+    c->mask = (uint32_t)masked.mask;
+    c->is = (uint32_t)masked.is;
     return 0;
 }
 
@@ -77,23 +72,10 @@ struct readback_form {
     int mask;
 };
 
-static const struct yaml_key READBACK_KEYS[] = {
-    {.name = "readback",
-     .type = YAML_STRING,
-     .offset = offsetof(struct readback_form, readback),
-     .size = PROFILE_NAME,
-     .required = true},
-    {.name = "equals",
-     .type = YAML_STRING,
-     .offset = offsetof(struct readback_form, equals),
-     .size = PROFILE_NAME},
-    {.name = "mask",
-     .type = YAML_INT,
-     .offset = offsetof(struct readback_form, mask),
-     .low = 1,
-     .high = 0x7fffffff},
-    {.name = NULL},
-};
+static const struct yaml_key READBACK_KEYS[] = {YAML_TEXT("readback", READBACK(readback), .required = true),
+                                                YAML_TEXT("equals", READBACK(equals)),
+                                                YAML_INTEGER("mask", READBACK(mask), 1, 0x7fffffff),
+                                                {0}};
 
 static int read_readback(struct yaml_reader *r, const struct yaml_node *node, struct profile_condition *c) {
     struct readback_form form = {0};
@@ -140,26 +122,14 @@ static int parse_any(struct yaml_reader *r, const struct yaml_node *node, void *
 }
 
 static const struct yaml_key DONE_KEYS[] = {
-    {.name = "all", .type = YAML_CUSTOM, .custom = parse_all, .required = true},
-    {.name = "debounce_polls",
-     .type = YAML_INT,
-     .offset = offsetof(struct profile, debounce_polls),
-     .low = 1,
-     .high = 10,
-     .default_text = "2"},
-    {.name = NULL},
-};
+    YAML_OWN("all", parse_all, .required = true),
+    YAML_INTEGER("debounce_polls", AT(debounce_polls), 1, 10, .default_text = "2"),
+    {0}};
 
 static const struct yaml_key ACCEPT_KEYS[] = {
-    {.name = "any", .type = YAML_CUSTOM, .custom = parse_any, .required = true},
-    {.name = "within_ms",
-     .type = YAML_INT,
-     .offset = offsetof(struct profile, accept_ms),
-     .low = 1,
-     .high = 5000,
-     .default_text = "100"},
-    {.name = NULL},
-};
+    YAML_OWN("any", parse_any, .required = true),
+    YAML_INTEGER("within_ms", AT(accept_ms), 1, 5000, .default_text = "100"),
+    {0}};
 
 int profile_parse_done(struct yaml_reader *r, const struct yaml_node *node, void *profile) {
     return yaml_read_map(r, node, DONE_KEYS, profile);
@@ -245,43 +215,28 @@ struct step_form {
     char set[PROFILE_NAME], clr[PROFILE_NAME], pulse[PROFILE_NAME];
 };
 
-#define FORM(member) .offset = offsetof(struct step_form, member)
-#define FORM_SET(member) .set_offset = offsetof(struct step_form, member) + 1
-
 static int parse_expect(struct yaml_reader *r, const struct yaml_node *node, void *object) {
     ((struct profile_step *)object)->verb = PROFILE_EXPECT;
     return parse_wait(r, node, object);
 }
 
 static const struct yaml_key STEP_KEYS[] = {
-    {.name = "w",
-     .type = YAML_INT,
-     FORM(step.addr),
-     .low = 0,
-     .high = 65535,
-     FORM_SET(has_w),
-     .doc = "write the values of s32 or u16 from this address on, in one frame"},
-    {.name = "s32", .type = YAML_CUSTOM, .custom = parse_s32},
-    {.name = "u16", .type = YAML_CUSTOM, .custom = parse_u16},
-    {.name = "fc", .type = YAML_INT, FORM(fc), .low = 6, .high = 16, .doc = "6 for a single register"},
-    {.name = "set", .type = YAML_STRING, FORM(set), .size = PROFILE_NAME},
-    {.name = "clr", .type = YAML_STRING, FORM(clr), .size = PROFILE_NAME},
-    {.name = "pulse", .type = YAML_STRING, FORM(pulse), .size = PROFILE_NAME},
-    {.name = "mask", .type = YAML_INT, FORM(mask), .low = 1, .high = 0x7fffffff, FORM_SET(has_mask)},
-    {.name = "hold_ms", .type = YAML_INT, FORM(hold_ms), .low = 1, .high = 5000, FORM_SET(has_hold)},
-    {.name = "wait", .type = YAML_CUSTOM, .custom = parse_wait},
-    {.name = "expect", .type = YAML_CUSTOM, .custom = parse_expect},
-    {.name = "ms", .type = YAML_INT, FORM(step.ms), .low = 1, .high = 600000, FORM_SET(has_ms)},
-    {.name = "soft", .type = YAML_BOOL, FORM(step.soft)},
-    {.name = "delay",
-     .type = YAML_INT,
-     FORM(delay_ms),
-     .low = 1,
-     .high = 60000,
-     FORM_SET(has_delay),
-     .unit = "ms"},
-    {.name = NULL},
-};
+    YAML_INTEGER("w", FORM(step.addr), 0, 65535, YAML_SETS(FORM(has_w)),
+                 .doc = "write the values of s32 or u16 from this address on, in one frame"),
+    YAML_OWN("s32", parse_s32),
+    YAML_OWN("u16", parse_u16),
+    YAML_INTEGER("fc", FORM(fc), 6, 16, .doc = "6 for a single register"),
+    YAML_TEXT("set", FORM(set)),
+    YAML_TEXT("clr", FORM(clr)),
+    YAML_TEXT("pulse", FORM(pulse)),
+    YAML_INTEGER("mask", FORM(mask), 1, 0x7fffffff, YAML_SETS(FORM(has_mask))),
+    YAML_INTEGER("hold_ms", FORM(hold_ms), 1, 5000, YAML_SETS(FORM(has_hold))),
+    YAML_OWN("wait", parse_wait),
+    YAML_OWN("expect", parse_expect),
+    YAML_INTEGER("ms", FORM(step.ms), 1, 600000, YAML_SETS(FORM(has_ms))),
+    YAML_FLAG("soft", FORM(step.soft)),
+    YAML_INTEGER("delay", FORM(delay_ms), 1, 60000, YAML_SETS(FORM(has_delay)), .unit = "ms"),
+    {0}};
 
 static const char *masked_verb(const struct step_form *f, enum profile_verb *verb) {
     *verb = f->set[0] ? PROFILE_SET : f->clr[0] ? PROFILE_CLR : PROFILE_PULSE;
@@ -363,15 +318,9 @@ struct seq_form {
 };
 
 static const struct yaml_key SEQ_KEYS[] = {
-    {.name = "replay",
-     .type = YAML_CHOICE,
-     .offset = offsetof(struct seq_form, replay),
-     .choices = REPLAYS,
-     .required = true,
-     .doc = "safe: sending it twice does no harm"},
-    {.name = "steps", .type = YAML_CUSTOM, .custom = parse_steps, .required = true},
-    {.name = NULL},
-};
+    YAML_WORD("replay", SEQ(replay), REPLAYS, .required = true, .doc = "safe: sending it twice does no harm"),
+    YAML_OWN("steps", parse_steps, .required = true),
+    {0}};
 
 static int seq_index(const char *name) {
     for (int i = 0; i < PROFILE_SEQS; i++)

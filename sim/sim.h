@@ -59,7 +59,7 @@ struct sim_position { /* of the holder, user coordinates */
 struct sim_config {
     uint64_t seed;
     char spectrometer[24]; /* usb2000plus | usb4000 */
-    char serial[24];
+    char serial[15];       /* as an EEPROM slot holds it */
     int eeprom; /* enum sim_eeprom: blank = never written, corrupt = a digit of a wavelength lost */
     enum sim_filling filling;
     double beam_mm, view_mm;

@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "proto/yaml.h"
+#include "proto/yaml_table.h"
 
 struct part {
     char name[8];
@@ -57,67 +57,27 @@ static int read_notes(struct yaml_reader *r, const struct yaml_node *node, void 
     return 0;
 }
 
+#define AT(field) struct thing, field
+#define PART(field) struct part, field
 static const char *const modes[] = {"fixed", "per_incidence", "every_geometry", NULL};
 static const struct yaml_key part_keys[] = {
-    {.name = "name", .type = YAML_STRING, .offset = offsetof(struct part, name), .size = 8, .required = true},
-    {.name = "size",
-     .type = YAML_DOUBLE,
-     .offset = offsetof(struct part, size),
-     .low = 0,
-     .high = INFINITY,
-     .unit = "mm",
-     .default_text = "2.5"},
-    {0},
-};
+    YAML_TEXT("name", PART(name), .required = true),
+    YAML_NUMBER("size", PART(size), 0, INFINITY, .unit = "mm", .default_text = "2.5"),
+    {0}};
 static const struct yaml_key keys[] = {
-    {.name = "title",
-     .type = YAML_STRING,
-     .offset = offsetof(struct thing, title),
-     .size = 16,
-     .required = true,
-     .doc = "what it is called"},
-    {.name = "factor",
-     .type = YAML_DOUBLE,
-     .offset = offsetof(struct thing, factor),
-     .low = -1,
-     .high = 1,
-     .set_offset = offsetof(struct thing, factor_given) + 1,
-     .default_text = "0.25"},
-    {.name = "address", .type = YAML_INT, .offset = offsetof(struct thing, address), .low = 0, .high = 65535},
-    {.name = "mode", .type = YAML_CHOICE, .offset = offsetof(struct thing, mode), .choices = modes},
-    {.name = "on", .type = YAML_BOOL, .offset = offsetof(struct thing, on)},
-    {.name = "list",
-     .type = YAML_DOUBLES,
-     .offset = offsetof(struct thing, list),
-     .count_offset = offsetof(struct thing, n_list),
-     .capacity = 4,
-     .low = 0,
-     .high = 100},
-    {.name = "pair",
-     .type = YAML_INTS,
-     .offset = offsetof(struct thing, pair),
-     .count_offset = offsetof(struct thing, n_pair),
-     .capacity = 2,
-     .minimum = 2,
-     .default_text = "[400, 700]"},
-    {.name = "words",
-     .type = YAML_STRINGS,
-     .offset = offsetof(struct thing, word),
-     .count_offset = offsetof(struct thing, n_word),
-     .capacity = 3,
-     .size = 6},
-    {.name = "main", .type = YAML_MAP, .offset = offsetof(struct thing, main_part), .keys = part_keys},
-    {.name = "parts",
-     .type = YAML_LIST,
-     .offset = offsetof(struct thing, part),
-     .size = sizeof(struct part),
-     .count_offset = offsetof(struct thing, n_part),
-     .capacity = 2,
-     .keys = part_keys},
-    {.name = "span", .type = YAML_CUSTOM, .custom = read_span},
-    {.name = "notes", .type = YAML_CUSTOM, .custom = read_notes},
-    {0},
-};
+    YAML_TEXT("title", AT(title), .required = true, .doc = "what it is called"),
+    YAML_NUMBER("factor", AT(factor), -1, 1, YAML_SETS(AT(factor_given)), .default_text = "0.25"),
+    YAML_INTEGER("address", AT(address), 0, 65535),
+    YAML_WORD("mode", AT(mode), modes),
+    YAML_FLAG("on", AT(on)),
+    YAML_NUMBERS("list", AT(list), AT(n_list), 0, 100),
+    YAML_INTEGERS("pair", AT(pair), AT(n_pair), 0, 0, .minimum = 2, .default_text = "[400, 700]"),
+    YAML_TEXTS("words", AT(word), AT(n_word)),
+    YAML_PART("main", part_keys, .offset = offsetof(struct thing, main_part)),
+    YAML_PARTS("parts", AT(part), AT(n_part), part_keys),
+    YAML_OWN("span", read_span),
+    YAML_OWN("notes", read_notes),
+    {0}};
 
 static int read_thing(const char *text, struct thing *t, struct err_list *errors) {
     memset(t, 0, sizeof *t);
