@@ -52,7 +52,12 @@ static int take_exposure(void *arg, const struct exposure *x) {
     struct exposure_time *grew = grown(l->exposure, l->n_exposures, &l->exposure_capacity, sizeof *grew);
     if (!grew)
         return no_memory(l);
+    bool *mirrored = realloc(l->d->mirrored, (size_t)l->exposure_capacity * sizeof *mirrored);
     l->exposure = grew;
+    if (!mirrored)
+        return no_memory(l);
+    l->d->mirrored = mirrored;
+    l->d->mirrored[l->d->n_exposures++] = x->mirrored;
     l->exposure[l->n_exposures++] = (struct exposure_time){x->start_us, x->end_us, x->n_scans};
     return 0;
 }
@@ -75,7 +80,7 @@ static int take_fit(void *arg, int64_t us, int64_t last_point_id, const struct e
     for (int i = 0; i < l->n_exposures && l->exposure[i].end_us <= us; i++)
         f->exposures += l->exposure[i].scans;
     f->elapsed_s = l->n_exposures ? (double)(us - l->exposure[0].start_us) / US_PER_S : 0;
-    for (int k = 0; k < DATASET_PARAMETERS; k++) {
+    for (int k = 0; k < MATERIAL_PARAMETERS; k++) {
         f->value[k] = m->value[k];
         f->u[k] = dataset_u(m, k);
     }
@@ -176,7 +181,12 @@ int dataset_load(struct dataset *d, const char *path, struct err *e) {
 void dataset_free(struct dataset *d) {
     free(d->point);
     free(d->fit);
+    free(d->mirrored);
     memset(d, 0, sizeof *d);
+}
+
+bool dataset_mirrored(const struct dataset *d, const struct point *p) {
+    return p->exposure_id > 0 && p->exposure_id <= d->n_exposures && d->mirrored[p->exposure_id - 1];
 }
 
 double dataset_u_total(const struct point *p) {
@@ -258,10 +268,12 @@ int dataset_model(const struct estimate *m, double theta_i_deg, double theta_v_d
     return evaluate_with_u(m, &at_itself, theta_i_deg, theta_v_deg, beta, u, e);
 }
 
-int dataset_model_seen(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta,
-                       double *u, struct err *e) {
+int dataset_model_seen(const struct estimate *m, double theta_i_deg, double theta_v_deg, bool mirrored,
+                       double *beta, double *u, struct err *e) {
     const struct look look = {{m->source_width_deg, m->sensor_width_deg, m->beam_in_view}, m->polarisation};
-    return evaluate_with_u(m, &look, theta_i_deg, theta_v_deg, beta, u, e);
+    const double sign = mirrored ? -1 : 1;
+    return evaluate_with_u(m, &look, theta_i_deg + sign * (m->zero_source_deg - m->zero_sample_deg),
+                           theta_v_deg + sign * m->zero_sample_deg, beta, u, e);
 }
 
 int dataset_model_ratio(const struct estimate *m, double theta_i_deg, double theta_v_deg,

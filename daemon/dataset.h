@@ -13,13 +13,13 @@
 #include "proto/session.h"
 
 #define DATASET_SWEEPS 128
-#define DATASET_PARAMETERS 5 /* of the composite model: S, sigma, gamma, beta', n */
+#define DATASET_PARAMETERS 5 /* of the composite model: S, sigma, gamma, beta', n; what a truth is known in */
 
 struct dataset_fit {  /* one estimate of the campaign, as it was made */
     double elapsed_s; /* since the first exposure began */
     int exposures;    /* scans taken until then */
     bool provisional;
-    double value[DATASET_PARAMETERS], u[DATASET_PARAMETERS];
+    double value[MATERIAL_PARAMETERS], u[MATERIAL_PARAMETERS];
 };
 
 struct dataset {
@@ -29,6 +29,8 @@ struct dataset {
     double water_percent;
     int n;
     struct point *point;
+    bool *mirrored; /* [n_exposures] by id - 1: both axes negated */
+    int n_exposures;
     bool has_estimate;
     struct estimate estimate;
     int n_fits;
@@ -40,6 +42,7 @@ struct dataset {
 int dataset_load(struct dataset *d, const char *path, struct err *e);
 void dataset_free(struct dataset *d);
 
+bool dataset_mirrored(const struct dataset *d, const struct point *p);
 double dataset_u_total(const struct point *p);             /* of the visible mean */
 double dataset_u_band(const struct point *p, int band);    /* of one band */
 double dataset_u(const struct estimate *m, int parameter); /* total standard uncertainty */
@@ -52,11 +55,12 @@ struct dataset_sweep {
 int dataset_sweeps(const struct dataset *d, struct dataset_sweep *sweep, int max);
 struct dataset_sweep dataset_sweep_nearest(const struct dataset *d, double theta_i_deg);
 /* Value of the fitted model at a geometry and, by its covariance, u: of the surface itself, and as the points were
- * seen, through the angular widths of source and sensor. 0 or a negative code. */
+ * seen: at readbacks whose zeros are off as the fit found, through the angular widths of source and sensor, with their
+ * polarisation. What the zeros do through K (fit/spot.h; a few 1e-4) is left out. 0 or a negative code. */
 int dataset_model(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta, double *u,
                   struct err *e);
-int dataset_model_seen(const struct estimate *m, double theta_i_deg, double theta_v_deg, double *beta,
-                       double *u, struct err *e);
+int dataset_model_seen(const struct estimate *m, double theta_i_deg, double theta_v_deg, bool mirrored,
+                       double *beta, double *u, struct err *e);
 /* Ratio of the model at two geometries of one incidence, with its u. */
 int dataset_model_ratio(const struct estimate *m, double theta_i_deg, double theta_v_deg,
                         double over_theta_v_deg, double *ratio, double *u, struct err *e);

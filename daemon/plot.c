@@ -128,17 +128,18 @@ static int plot_water(const struct plot_set *set, bool *drawn, struct err *e) {
 static void write_fit_point(struct figure *f, const struct dataset *d, const struct point *p) {
     double model = NAN, u = NAN;
     double theta_i_deg = deg_from_udeg(p->theta_i_udeg), theta_v_deg = deg_from_udeg(p->theta_v_udeg);
-    dataset_model_seen(&d->estimate, theta_i_deg, theta_v_deg, &model, &u, NULL);
+    dataset_model_seen(&d->estimate, theta_i_deg, theta_v_deg, dataset_mirrored(d, p), &model, &u, NULL);
     if (isfinite(p->mean))
         fprintf(f->csv, "%s,measured,%.3f,%.3f,%.9g,%.3g,%.9g,%.3g\n", d->sample, theta_i_deg, theta_v_deg,
                 p->mean, dataset_u_total(p), model, u);
 }
 
-static void write_fit_curve(struct figure *f, const struct dataset *d, double theta_i_deg) {
+static void write_fit_curve(struct figure *f, const struct dataset *d, const struct dataset_sweep *s) {
+    const bool mirrored = dataset_mirrored(d, &d->point[s->first]);
     for (double v = -MODEL_LIMIT_DEG; v <= MODEL_LIMIT_DEG; v += MODEL_STEP_DEG) {
         double beta, u;
-        if (dataset_model_seen(&d->estimate, theta_i_deg, v, &beta, &u, NULL) == 0)
-            fprintf(f->csv, "%s,model,%.3f,%.3f,,,%.9g,%.3g\n", d->sample, theta_i_deg, v, beta, u);
+        if (dataset_model_seen(&d->estimate, s->theta_i_deg, v, mirrored, &beta, &u, NULL) == 0)
+            fprintf(f->csv, "%s,model,%.3f,%.3f,,,%.9g,%.3g\n", d->sample, s->theta_i_deg, v, beta, u);
     }
 }
 
@@ -154,7 +155,7 @@ static void fit_panel(struct figure *f, const struct dataset *d) {
         for (int i = sweep[s].first; i < sweep[s].first + sweep[s].n; i++)
             write_fit_point(f, d, &d->point[i]);
         figure_next_block(f);
-        write_fit_curve(f, d, sweep[s].theta_i_deg);
+        write_fit_curve(f, d, &sweep[s]);
         figure_next_block(f);
         fprintf(f->gp,
                 "%sdata index %d using 4:5:6 with yerrorbars pt 7 ps 0.35 lc rgb \"%s\" title \"incidence "

@@ -4,8 +4,9 @@
  * spectra_i40   radiance factor over wavelength at incidence 40 deg (paper, Fig. 2), one panel a session
  * water_i40     visible mean over viewing angle at 40 deg, sessions of one series (Fig. 4)
  * fit           visible mean with u, and the fitted model, every incidence (Fig. 6, 7)
- * residual      relative residual of the model, and of Lambert, Oren-Nayar alone and Eq. 1 fitted to the same data
- * parameters    each parameter, peak height and retro/normal ratio at 40 deg, against water
+ * residual      relative residual of the paper's model, of the session's own where it is another, and of Lambert,
+ *               Oren-Nayar alone and Eq. 1, all fitted to the same data
+ * parameters    each parameter that a session's model has, peak height and retro/normal ratio at 40 deg, against water
  * error_time    u of each parameter, and its true error where the truth is known, against time and exposures
  *
  * The incidence nearest to 40 deg that was measured is used and named. A session without a fit is left out of the

@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "daemon/estimator.h"
@@ -13,7 +14,7 @@
 #define BETA_FLOOR .005 /* of the relative residual: measurement.md 10 */
 
 static const char *const MODELS[] = {"lambert", "oren-nayar", "eq1", "composite"};
-static const char *const COLOURS[] = {"#bbbbbb", "#ddcc77", "#88ccee", "#882255"};
+static const char *const COLOURS[] = {"#bbbbbb", "#ddcc77", "#88ccee", "#882255", "#117733"};
 #define N_MODELS ((int)(sizeof MODELS / sizeof *MODELS))
 
 /* `goniofit fit PATH --model MODEL --json`; what it complains of is for the user. */
@@ -46,7 +47,8 @@ static int write_residuals(struct figure *f, const struct dataset *d, const stru
         const struct point *p = &d->point[i];
         double model, u, theta_i_deg = deg_from_udeg(p->theta_i_udeg),
                          theta_v_deg = deg_from_udeg(p->theta_v_udeg);
-        if (!isfinite(p->mean) || dataset_model_seen(m, theta_i_deg, theta_v_deg, &model, &u, NULL) != 0)
+        if (!isfinite(p->mean) ||
+            dataset_model_seen(m, theta_i_deg, theta_v_deg, dataset_mirrored(d, p), &model, &u, NULL) != 0)
             continue;
         double residual = p->mean - model;
         fprintf(f->csv, "%s,%s,%.3f,%.3f,%.9g,%.3g,%.9g,%.6g,%.6g\n", d->sample, m->model, theta_i_deg,
@@ -59,6 +61,14 @@ static int write_residuals(struct figure *f, const struct dataset *d, const stru
     return rows;
 }
 
+/* The k-th model to show: after the paper's, that of the session's own fit where it is none of these. */
+static const char *model_at(const struct dataset *d, int k) {
+    for (int i = 0; k == N_MODELS && i < N_MODELS; i++)
+        if (!strcmp(d->estimate.model, MODELS[i]))
+            return NULL;
+    return k < N_MODELS ? MODELS[k] : k == N_MODELS && d->has_estimate ? d->estimate.model : NULL;
+}
+
 /* A model that cannot be fitted is left out; it is an error where none can. */
 static int panel(struct figure *f, const struct dataset *d, const char *path, struct err *e) {
     char title[200];
@@ -69,10 +79,10 @@ static int panel(struct figure *f, const struct dataset *d, const char *path, st
         "set title \"%s\"\nset xlabel \"viewing angle / deg\"\nset ylabel \"(measured - model) / measured\"\n"
         "set yrange [-1:1]\nset key outside below\n",
         plot_title(d, title, sizeof title));
-    for (int k = 0; k < N_MODELS; k++) {
+    for (int k = 0; model_at(d, k); k++) {
         struct estimate m;
         struct err why = {0};
-        if (fit(path, MODELS[k], &m, &why) != 0) {
+        if (fit(path, model_at(d, k), &m, &why) != 0) {
             last = why;
             continue;
         }
@@ -81,7 +91,7 @@ static int panel(struct figure *f, const struct dataset *d, const char *path, st
         fprintf(
             f->gp,
             "%sdata index %d using 4:9 with points pt 7 ps 0.3 lc rgb \"%s\" title \"%s (median %.2g %%)\"",
-            glue, f->block - 1, COLOURS[k], MODELS[k], 100 * m.median_relative_error);
+            glue, f->block - 1, COLOURS[k], m.model, 100 * m.median_relative_error);
         glue = ", \\\n     ";
     }
     bool none = glue[0] == 'p';

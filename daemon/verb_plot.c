@@ -73,18 +73,30 @@ int verb_plot(int argc, char **argv) {
 
 /* ---- compare ---- */
 
+static bool has_truth(const struct dataset *d, int k) {
+    return d->has_truth && k < DATASET_PARAMETERS;
+}
+
 static json_t *parameters_json(const struct dataset *d) {
     json_t *list = json_object();
-    for (int k = 0; k < DATASET_PARAMETERS; k++) {
+    for (int k = 0; k < MATERIAL_PARAMETERS; k++) {
         const struct estimate *m = &d->estimate;
+        const char *name = material_parameter_name(m->model, k);
+        if (!name)
+            continue;
         json_t *one = json_pack("{s:f, s:f}", "value", m->value[k], "u", dataset_u(m, k));
-        if (d->has_truth) {
+        if (has_truth(d, k)) {
             json_object_set_new(one, "true", json_real(d->truth[k]));
             json_object_set_new(one, "pull", json_real((m->value[k] - d->truth[k]) / dataset_u(m, k)));
         }
-        json_object_set_new(list, material_parameter_name("composite", k), one);
+        json_object_set_new(list, name, one);
     }
     return list;
+}
+
+static void put_found(json_t *row, const char *key, double value, double u) {
+    if (value != 0 || u > 0)
+        json_object_set_new(row, key, json_pack("{s:f, s:f}", "value", value, "u", u));
 }
 
 static json_t *compare_json(const struct loaded *l) {
@@ -95,8 +107,13 @@ static json_t *compare_json(const struct loaded *l) {
                                 d->paint, "support", d->support, "points", d->n);
         if (d->has_water)
             json_object_set_new(row, "water_percent", json_real(d->water_percent));
-        if (d->has_estimate)
+        if (d->has_estimate) {
+            const struct estimate *m = &d->estimate;
+            json_object_set_new(row, "model", json_string(m->model));
             json_object_set_new(row, "parameters", parameters_json(d));
+            put_found(row, "mirror_offset_deg", m->mirror_offset_deg, m->u_mirror_offset_deg);
+            put_found(row, "polarisation", m->polarisation, m->u_polarisation);
+        }
         json_array_append_new(rows, row);
     }
     return rows;
@@ -105,15 +122,22 @@ static json_t *compare_json(const struct loaded *l) {
 static void print_parameter(const struct dataset *d, int k) {
     const struct estimate *m = &d->estimate;
     double u = dataset_u(m, k);
-    printf("  %-11s%12.5g", material_parameter_name("composite", k), m->value[k]);
+    printf("  %-13s%12.5g", material_parameter_name(m->model, k), m->value[k]);
     if (m->at_bound[k])
         printf("  at its bound, 95 %% limit %.4g\n", m->limit_95[k]);
     else if (m->not_identifiable[k])
         printf("  not identifiable from these angles\n");
-    else if (d->has_truth)
+    else if (has_truth(d, k))
         printf("%12.2g%12.5g%8.2f\n", u, d->truth[k], (m->value[k] - d->truth[k]) / u);
     else
         printf("%12.2g\n", u);
+}
+
+static void print_found(const struct estimate *m) {
+    if (m->u_mirror_offset_deg > 0)
+        printf("  mirror direction off by %.4f deg, u %.4f\n", m->mirror_offset_deg, m->u_mirror_offset_deg);
+    if (m->polarisation != 0 || m->u_polarisation > 0)
+        printf("  polarisation %.4f, u %.4f\n", m->polarisation, m->u_polarisation);
 }
 
 static void print_one(const struct dataset *d) {
@@ -124,11 +148,13 @@ static void print_one(const struct dataset *d) {
         puts("  no fit yet");
         return;
     }
-    printf("  %-11s%12s%12s%s\n", "", "fitted", "u", d->has_truth ? "        true    pull" : "");
-    for (int k = 0; k < DATASET_PARAMETERS; k++)
-        print_parameter(d, k);
+    printf("  %-13s%12s%12s%s\n", m->model, "fitted", "u", d->has_truth ? "        true    pull" : "");
+    for (int k = 0; k < MATERIAL_PARAMETERS; k++)
+        if (material_parameter_name(m->model, k))
+            print_parameter(d, k);
     printf("  q %.4f, kappa %g, mean of %d to %d nm, median relative error %.2g %%\n", m->q, m->kappa,
            m->mean_low_nm, m->mean_high_nm, 100 * m->median_relative_error);
+    print_found(m);
     for (int i = 0; i < m->n_warnings; i++)
         printf("  note: %s\n", m->warning[i]);
 }

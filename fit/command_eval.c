@@ -6,14 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fit/reflectance.h"
+#include "fit/aperture.h"
 #include "proto/csv.h"
 #include "proto/file.h"
 
 #define FILE_MAX (256u << 20)
 
 static const char help[] =
-    "usage: goniofit eval --params P.json --points G.csv\n"
+    "usage: goniofit eval --params P.json --points G.csv [--as-seen]\n"
     "Prints the model at each point as CSV with 17 digits: the point, the radiance factor and its parts, and "
     "the\n"
     "derivatives with respect to each parameter.\n"
@@ -22,11 +22,22 @@ static const char help[] =
     "--json;\n"
     "                   which parameters there are tells the model\n"
     "  --points G.csv   columns theta_i_deg,theta_v_deg; others are passed over\n"
+    "  --as-seen        not the surface itself (P = 0), but as the points of the fit were seen: through the "
+    "angular\n"
+    "                   widths of source and sensor, with their polarisation, at readbacks whose zeros are "
+    "off as\n"
+    "                   the fit found; P.json is then the output of goniofit fit --json\n"
     "exit status: 0 done, 2 bad usage or bad input\n";
 
-static int read_options(int argc, char **argv, const char **params, const char **points, struct err *e) {
+struct options {
+    const char *params, *points;
+    bool as_seen;
+};
+
+static int read_options(int argc, char **argv, struct options *o, struct err *e) {
     static const struct option known[] = {{"params", required_argument, NULL, 'p'},
                                           {"points", required_argument, NULL, 'g'},
+                                          {"as-seen", no_argument, NULL, 's'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
     optind = 1;
@@ -38,9 +49,13 @@ static int read_options(int argc, char **argv, const char **params, const char *
         if (c == '?') {
             return err_set(e, ERR_USAGE, "see goniofit eval --help");
         }
-        *(c == 'p' ? params : points) = optarg;
+        if (c == 's') {
+            o->as_seen = true;
+        } else {
+            *(c == 'p' ? &o->params : &o->points) = optarg;
+        }
     }
-    if (!*params || !*points || optind < argc) {
+    if (!o->params || !o->points || optind < argc) {
         return err_set(e, ERR_USAGE, "give --params P.json and --points G.csv; see goniofit eval --help");
     }
     return 0;
@@ -79,7 +94,24 @@ static const char *model_of(const json_t *parameters) {
     return "composite"; /* its reader then says what is missing */
 }
 
-static int read_params(const char *path, struct estimate *estimate, struct err *e) {
+/* The parameters, and where an estimate is wanted all of it. */
+static int take_params(const json_t *json, bool whole, struct estimate *estimate, struct err *e) {
+    const json_t *inner = json_object_get(json, "parameters"), *parameters = inner ? inner : json;
+    if (whole && !inner) {
+        return err_set(
+            e, ERR_INPUT,
+            "--as-seen needs the output of goniofit fit --json, which says how the points were seen; "
+            "these are parameters alone");
+    }
+    if (whole) {
+        return estimate_from_json(json, estimate, e);
+    }
+    *estimate = (struct estimate){.kappa = 1, .q = 1};
+    snprintf(estimate->model, sizeof estimate->model, "%s", model_of(parameters));
+    return estimate_parameters_from_json(parameters, estimate, e);
+}
+
+static int read_params(const char *path, bool whole, struct estimate *estimate, struct err *e) {
     char *text = NULL;
     size_t size;
     json_error_t where;
@@ -92,11 +124,8 @@ static int read_params(const char *path, struct estimate *estimate, struct err *
     if (!json) {
         return err_at(e, ERR_INPUT, path, where.line, where.column, "not JSON: %s", where.text);
     }
-    const json_t *inner = json_object_get(json, "parameters"), *parameters = inner ? inner : json;
-    *estimate = (struct estimate){.kappa = 1, .q = 1};
-    snprintf(estimate->model, sizeof estimate->model, "%s", model_of(parameters));
     struct err inside = {0};
-    status = estimate_parameters_from_json(parameters, estimate, &inside);
+    status = take_params(json, whole, estimate, &inside);
     json_decref(json);
     return status ? err_at(e, ERR_INPUT, path, 0, 0, "%s", inside.text) : 0;
 }
@@ -119,15 +148,28 @@ static void print_head(enum reflectance_model model) {
     putchar('\n');
 }
 
+/* m says through which widths, with which P and zeros; all 0 is the surface itself. */
 static int print_point(enum reflectance_model model, const struct estimate *m, const double *angle,
                        struct err *e) {
-    struct reflectance_geometry g;
+    struct aperture a;
     struct reflectance_parts parts;
     double beta, gradient[MATERIAL_PARAMETERS];
-    const struct reflectance_optics optics = {.kappa = m->kappa, .q = m->q};
-    int status = reflectance_geometry(&g, angle[0], angle[1], e);
-    if (status || (status = reflectance_eval(model, 1, &g, m->value, &optics, &beta, gradient, e)) ||
-        (status = reflectance_eval_parts(model, &g, m->value, &optics, &parts, e))) {
+    double i_deg = angle[0] + m->zero_source_deg - m->zero_sample_deg;
+    double v_deg = angle[1] + m->zero_sample_deg;
+    if (i_deg < 0) { /* beyond the normal: the same seen from the other side */
+        i_deg = -i_deg;
+        v_deg = -v_deg;
+    }
+    const struct aperture_form form = {m->source_width_deg, m->sensor_width_deg, m->beam_in_view};
+    const struct reflectance_optics optics = {m->kappa, m->q, m->polarisation};
+    int status = aperture_init(&a, &form, 1, &i_deg, &v_deg, e);
+    if (status) {
+        return status;
+    }
+    status = aperture_eval(&a, 0, 1, model, m->value, &optics, &beta, gradient, e);
+    status = status ? status : aperture_parts(&a, 0, model, m->value, &optics, &parts, e);
+    aperture_free(&a);
+    if (status) {
         return status;
     }
     printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", angle[0], angle[1], beta, parts.diffuse,
@@ -176,22 +218,22 @@ static int read_grid(const char *path, struct grid *grid, struct err_list *error
 }
 
 int command_eval(int argc, char **argv) {
-    const char *params = NULL, *points = NULL;
+    struct options o = {0};
     struct err e = {0};
     struct err_list errors = {0};
     struct estimate m;
     enum reflectance_model model;
     struct grid grid = {0};
-    int status = read_options(argc, argv, &params, &points, &e);
+    int status = read_options(argc, argv, &o, &e);
     if (status > 0) {
         return 0;
     }
-    if (status || (status = read_params(params, &m, &e)) ||
+    if (status || (status = read_params(o.params, o.as_seen, &m, &e)) ||
         (status = reflectance_find(m.model, &model, &e))) {
         command_complain("eval", &e);
         return 2;
     }
-    status = read_grid(points, &grid, &errors);
+    status = read_grid(o.points, &grid, &errors);
     for (size_t i = 0; i < grid.csv.n_rows && !status; i++) {
         if (i == 0) {
             print_head(model);

@@ -38,6 +38,7 @@ void instrument_report(const struct problem *p, const struct uncertainty *u, str
         const double known = sqrt(u->nuisance_u2[j] * fmax(1, u->scatter));
         if (z->kind == NUISANCE_OFFSET) {
             report_offset(z, known, estimate);
+            nuisance_zeros(p->input, z->at, &estimate->zero_source_deg, &estimate->zero_sample_deg);
         } else {
             report_polarisation(z, known, estimate);
         }

@@ -1,7 +1,6 @@
 #include "fit/loss.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "proto/units.h"
 
@@ -33,11 +32,9 @@ double loss_weight(enum material_loss loss, double theta_i_deg, double u) {
 }
 
 int loss_find(const char *name, enum material_loss *loss, struct err *e) {
-    for (int i = 0; i < MATERIAL_LOSSES; i++) {
-        if (strcmp(name, material_loss_name((enum material_loss)i)) == 0) {
-            *loss = (enum material_loss)i;
-            return 0;
-        }
+    *loss = material_loss_find(name);
+    if (*loss < MATERIAL_LOSSES) {
+        return 0;
     }
     return err_set(e, ERR_USAGE, "there is no loss '%s'; known are ml, ols, log, cuberoot and cosine", name);
 }

@@ -22,6 +22,13 @@ double nuisance_u_offset_deg(const struct estimate_input *in) {
     return hypot(in->u_zero_source_deg / 2, in->u_zero_sample_deg);
 }
 
+void nuisance_zeros(const struct estimate_input *in, double offset_deg, double *source_deg,
+                    double *sample_deg) {
+    const struct leverage by = leverage_of(in);
+    *source_deg = by.source * offset_deg;
+    *sample_deg = by.sample * offset_deg;
+}
+
 static void add(struct nuisances *s, enum nuisance_kind kind, double mean, double u) {
     s->of[s->m++] = (struct nuisance){.kind = kind, .mean = mean, .u = u, .at = mean};
 }

@@ -37,6 +37,8 @@ static const struct {
     {"sensor_width_deg", offsetof(struct estimate, sensor_width_deg)},
     {"mirror_offset_deg", offsetof(struct estimate, mirror_offset_deg)},
     {"u_mirror_offset_deg", offsetof(struct estimate, u_mirror_offset_deg)},
+    {"zero_source_deg", offsetof(struct estimate, zero_source_deg)},
+    {"zero_sample_deg", offsetof(struct estimate, zero_sample_deg)},
     {"polarisation", offsetof(struct estimate, polarisation)},
     {"u_polarisation", offsetof(struct estimate, u_polarisation)},
 };
@@ -45,6 +47,13 @@ static const struct {
 const char *material_loss_name(enum material_loss loss) {
     static const char *const name[MATERIAL_LOSSES] = {"ml", "ols", "log", "cuberoot", "cosine"};
     return name[loss];
+}
+
+enum material_loss material_loss_find(const char *name) {
+    int loss = 0;
+    while (loss < MATERIAL_LOSSES && strcmp(name, material_loss_name((enum material_loss)loss)) != 0)
+        loss++;
+    return (enum material_loss)loss;
 }
 
 const char *material_parameter_name(const char *model, int index) {
@@ -442,10 +451,12 @@ static int take_losses(const json_t *json, struct estimate *m, struct err *e) {
     int status = take_text(json, "loss", name, sizeof name, e);
     for (int i = 0; i < MATERIAL_LOSSES && status == 0; i++) {
         const char *known = material_loss_name((enum material_loss)i);
-        m->minimised = strcmp(name, known) == 0 ? (enum material_loss)i : m->minimised;
         m->loss[i] = NAN; /* earlier estimates do not have it */
         status = take_number(json_object_get(json, "losses"), known, &m->loss[i], e);
     }
+    m->minimised = material_loss_find(name);
+    if (status == 0 && m->minimised == MATERIAL_LOSSES)
+        status = refuse(e, "loss", "one of ml, ols, log, cuberoot and cosine");
     return status;
 }
 

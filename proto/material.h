@@ -88,6 +88,7 @@ struct estimate {
     double source_width_deg, sensor_width_deg; /* what the points were seen through */
     bool beam_in_view;
     double mirror_offset_deg, u_mirror_offset_deg; /* zero_source / 2 - zero_sample; 0, 0: not fitted */
+    double zero_source_deg, zero_sample_deg;       /* the likeliest at that offset: the model stands there */
     double polarisation, u_polarisation;    /* P as stated, or as fitted from that; 0, 0: depolarised */
     struct material_span polarisation_span; /* where P is unknown */
     int n_warnings;
@@ -98,6 +99,7 @@ struct estimate {
 const char *material_parameter_name(const char *model, int index);
 int material_parameter_find(const char *model, const char *name); /* its index; -1: none, or no name */
 const char *material_loss_name(enum material_loss loss);   /* "ml", "ols", "log", "cuberoot", "cosine" */
+enum material_loss material_loss_find(const char *name);   /* MATERIAL_LOSSES: there is none of that name */
 json_t *estimate_to_json(const struct estimate *estimate); /* NULL when out of memory */
 int estimate_from_json(const json_t *json, struct estimate *estimate, struct err *e);
 /* The "parameters" object alone: {"S", "sigma", ..., "kappa", "q", "mean_nm"} into value, kappa, q and the

@@ -33,7 +33,7 @@
 #include "proto/point.h"
 
 #define SESSION_APPLICATION_ID 0x474f4e49 /* "GONI" */
-#define SESSION_USER_VERSION 2
+#define SESSION_USER_VERSION 3
 
 struct exchange { /* one Modbus transaction; request and reply are the caller's memory */
     int64_t id;

@@ -27,8 +27,6 @@ static void estimation_row(struct query *q, struct estimate *m) {
         *ranges[i] = query_double(q, at++);
     session_take_doubles(q, at++, &m->statistical[0][0], MATERIAL_PARAMETERS * MATERIAL_PARAMETERS);
     session_take_doubles(q, at++, &m->common[0][0], MATERIAL_PARAMETERS * MATERIAL_PARAMETERS);
-    for (int i = 0; i < MATERIAL_LOSSES; i++)
-        m->loss[i] = NAN; /* a session does not keep them */
 }
 
 static void parameter_row(struct query *q, struct estimate *m) {
@@ -84,7 +82,7 @@ static int read_details(struct session *s, int64_t id, struct estimate *m, struc
     if (rc == 0)
         rc = each_of(s, "SELECT text FROM estimation_warning WHERE estimation_id = ? ORDER BY at", id,
                      warning_row, m, e);
-    return rc;
+    return rc < 0 ? rc : session_read_figures(s, id, m, e);
 }
 
 static int walk_estimates(struct session *s, const char *sql,

@@ -34,6 +34,9 @@ extern const char *const SESSION_KINDS[EXPOSURE_KINDS];
 extern const char *const SESSION_TABLES[]; /* in the order of the dump; ends with NULL */
 int session_make_schema(struct store *store, struct err *e);
 bool session_has_table(struct session *s, const char *table); /* a file of an older goniod may lack it */
+/* Of one estimate, in tables of their own; where a file lacks them, what *m held stays and its losses are NaN. */
+int session_write_figures(struct session *s, int64_t id, const struct estimate *m, struct err *e);
+int session_read_figures(struct session *s, int64_t id, struct estimate *m, struct err *e);
 /* n numbers of a column of bytes; all NaN where it does not hold so many: a damaged file knows nothing of them. */
 void session_take_doubles(struct query *q, int at, double *value, size_t n);
 /* Every add is all or nothing: inside the caller's transaction, or in one of its own. */

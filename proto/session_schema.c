@@ -21,6 +21,8 @@ const char *const SESSION_TABLES[] = {
     "estimation_parameter",
     "estimation_spectrum",
     "estimation_warning",
+    "estimation_instrument",
+    "estimation_quality",
     "estimation_point",
     "estimation_joint",
     "estimation_joint_row",
@@ -104,6 +106,14 @@ static const char SCHEMA[] =
     "INTEGER NOT "
     "NULL,"
     " text TEXT NOT NULL, PRIMARY KEY (estimation_id, at)) WITHOUT ROWID;"
+    "CREATE TABLE IF NOT EXISTS estimation_instrument (estimation_id INTEGER PRIMARY KEY REFERENCES "
+    "estimation,"
+    " beam_in_view INTEGER NOT NULL, source_width_deg REAL, sensor_width_deg REAL, mirror_offset_deg REAL,"
+    " u_mirror_offset_deg REAL, zero_source_deg REAL, zero_sample_deg REAL, polarisation REAL,"
+    " u_polarisation REAL, p_limit REAL, n_low REAL, n_high REAL, beta_prime_low REAL, beta_prime_high REAL);"
+    "CREATE TABLE IF NOT EXISTS estimation_quality (estimation_id INTEGER PRIMARY KEY REFERENCES estimation,"
+    " iterations INTEGER NOT NULL, minimised TEXT NOT NULL, condition REAL, n_effective REAL, loio REAL,"
+    " loss_ml REAL, loss_ols REAL, loss_log REAL, loss_cuberoot REAL, loss_cosine REAL);"
     "CREATE TABLE IF NOT EXISTS estimation_point (estimation_id INTEGER NOT NULL REFERENCES estimation,"
     " point_id INTEGER NOT NULL REFERENCES point, source_per_deg REAL, sample_per_deg REAL,"
     " PRIMARY KEY (estimation_id, point_id)) WITHOUT ROWID;"

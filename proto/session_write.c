@@ -329,7 +329,7 @@ static int write_estimate(struct session *s, int64_t now_us, int64_t last_point_
         rc = write_s_lambda(s, id, m, band, e);
     for (int at = 0; rc == 0 && at < m->n_warnings; at++)
         rc = write_warning(s, id, at, m->warning[at], e);
-    return rc;
+    return rc < 0 ? rc : session_write_figures(s, id, m, e);
 }
 
 int session_add_estimate(struct session *s, int64_t now_us, int64_t last_point_id, const struct estimate *m,

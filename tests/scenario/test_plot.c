@@ -13,7 +13,7 @@
 
 #include "daemon/plot.h"
 #include "daemon/verbs.h"
-#include "fit/reflectance.h"
+#include "fit/aperture.h"
 #include "proto/units.h"
 
 static const double TRUTH[2][DATASET_PARAMETERS] = {{.12, .20, .20, 15.7, 1.70}, {.20, .30, .07, 7.6, 1.70}};
@@ -202,6 +202,96 @@ static void the_ratio_of_the_model_carries_its_uncertainty(void **state) {
     dataset_free(&d);
 }
 
+/* A heavy-tailed surface, seen through widths by polarised light, at readbacks that are off. */
+static const struct estimate SEEN = {.model = "heavy-tail",
+                                     .converged = true,
+                                     .n_points = 102,
+                                     .n_parameters = 6,
+                                     .value = {.2, .3, .07, 7.6, 1.7, .4},
+                                     .kappa = 1,
+                                     .q = 1,
+                                     .mean_low_nm = 400,
+                                     .mean_high_nm = 700,
+                                     .source_width_deg = 2,
+                                     .sensor_width_deg = 1,
+                                     .mirror_offset_deg = .25,
+                                     .u_mirror_offset_deg = .01,
+                                     .zero_source_deg = .1,
+                                     .zero_sample_deg = -.2,
+                                     .polarisation = .2,
+                                     .u_polarisation = .01};
+
+static void add_seen_points(struct session *s) {
+    const struct reflectance_optics optics = {1, 1, SEEN.polarisation};
+    const struct aperture_form form = {SEEN.source_width_deg, SEEN.sensor_width_deg, false};
+    uint16_t counts[4] = {100, 200, 300, 200};
+    struct err e = {0};
+    for (int n = 0; n < 6 * 17; n++) {
+        struct exposure x = {.step = n,
+                             .kind = EXPOSURE_SAMPLE,
+                             .bracket = 1,
+                             .mirrored = n % 2,
+                             .exposure_us = 1000,
+                             .n_scans = 1,
+                             .pixels = 4,
+                             .counts = counts,
+                             .settled_us = n * US_PER_S,
+                             .start_us = n * US_PER_S + 1,
+                             .end_us = n * US_PER_S + 2000,
+                             .temperature_c = NAN};
+        struct point p = {.bracket = 1, .scan_f = NAN, .mean_u_ind = 1e-4};
+        const double i_deg = 10 * (n / 17 + 1), v_deg = 10 * (n % 17) - 80, side = x.mirrored ? -1 : 1;
+        assert_int_equal(session_add_exposure(s, &x, &e), 0);
+        p.exposure_id = x.id;
+        p.theta_i_udeg = udeg_from_deg(i_deg);
+        p.theta_v_udeg = udeg_from_deg(v_deg);
+        assert_int_equal(aperture_at(&form, i_deg + side * .3, v_deg - side * .2, REFLECTANCE_HEAVY_TAIL,
+                                     SEEN.value, &optics, &p.mean, NULL, &e),
+                         0);
+        assert_int_equal(session_add_point(s, &p, &e), 0);
+    }
+}
+
+static void curves_use_what_the_fit_used(void **state) {
+    (void)state;
+    struct session *s;
+    struct err e = {0};
+    char seen[128], out[128], file[160], line[512];
+    snprintf(seen, sizeof seen, "%s/seen.gonio", folder);
+    snprintf(out, sizeof out, "%s/figures", folder);
+    assert_int_equal(session_create(&s, seen, &e), 0);
+    assert_int_equal(session_set_text(s, "sample", "{\"name\":\"seen\",\"water_percent\":0}", &e), 0);
+    assert_int_equal(session_begin(s, &e), 0);
+    add_seen_points(s);
+    for (int i = 1; i <= 2; i++) {
+        struct estimate m = SEEN;
+        for (int k = 0; k < m.n_parameters; k++)
+            m.statistical[k][k] = pow(.01 * m.value[k] / i, 2);
+        assert_int_equal(session_add_estimate(s, i * 50 * US_PER_S, i * 50, &m, &e), 0);
+    }
+    assert_int_equal(session_commit(s, &e), 0);
+    assert_int_equal(session_close(s, &e), 0);
+    char *argv[] = {"plot", seen, "-o", out, NULL};
+    assert_int_equal(verb_plot(4, argv), 0);
+    snprintf(file, sizeof file, "%s/fit.csv", out);
+    FILE *f = fopen(file, "r");
+    int n = 0;
+    while (fgets(line, sizeof line, f)) {
+        double i_deg, v_deg, beta, u, model;
+        if (sscanf(line, "seen,measured,%lf,%lf,%lf,%lf,%lf", &i_deg, &v_deg, &beta, &u, &model) != 5)
+            continue;
+        assert_true(fabs(model / beta - 1) < 1e-7);
+        n++;
+    }
+    fclose(f);
+    assert_int_equal(n, 6 * 17);
+    assert_int_equal(rows_of("parameters", "seen,,0,tail,0.4,"), 1);
+    assert_int_equal(rows_of("error_time", "seen,tail,"), 2);
+    assert_int_equal(rows_of("residual", "seen,heavy-tail,"), 6 * 17);
+    char *words[] = {"compare", seen, NULL};
+    assert_int_equal(verb_compare(2, words), 0);
+}
+
 static void bad_use_is_answered(void **state) {
     (void)state;
     char *none[] = {"plot", NULL};
@@ -219,6 +309,7 @@ int main(void) {
         cmocka_unit_test(every_figure_is_drawn_with_its_data),
         cmocka_unit_test(the_truth_shows_as_error_over_time),
         cmocka_unit_test(the_ratio_of_the_model_carries_its_uncertainty),
+        cmocka_unit_test(curves_use_what_the_fit_used),
         cmocka_unit_test(bad_use_is_answered),
     };
     return cmocka_run_group_tests(tests, setup, teardown);

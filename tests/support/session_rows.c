@@ -116,6 +116,23 @@ void row_estimate(int n, struct estimate *m) {
     m->theta_i_high_deg = 60;
     m->theta_v_low_deg = -80;
     m->theta_v_high_deg = 79.5;
+    m->iterations = 17 * n;
+    m->condition = 3.25;
+    m->n_effective = 31.5;
+    m->loio = 1.125;
+    m->minimised = MATERIAL_LOSS_LOG;
+    for (int i = 0; i < MATERIAL_LOSSES; i++)
+        m->loss[i] = i == 2 ? NAN : i / 7.0;
+    m->source_width_deg = 1;
+    m->sensor_width_deg = 0.5;
+    m->beam_in_view = n % 2;
+    m->mirror_offset_deg = 0.0125;
+    m->u_mirror_offset_deg = 0.001;
+    m->zero_source_deg = 0.005;
+    m->zero_sample_deg = -0.01;
+    m->polarisation = 0.03;
+    m->u_polarisation = 0.004;
+    m->polarisation_span = (struct material_span){0.1, {1.5, 1.75}, {6, 9}};
     m->n_warnings = 2;
     snprintf(m->warning[0], sizeof m->warning[0], "the model does not fit");
     snprintf(m->warning[1], sizeof m->warning[1], "specular energy above 1");

@@ -116,6 +116,28 @@ def test_what_the_instrument_is_known_to_be(folder):
         assert code == 2 and not out, (words, err)
 
 
+def test_eval_as_the_points_were_seen(folder):
+    """Laid over the points of a fit, the model is what the fit compared them with: its chi-square comes back."""
+    path = measured(folder)
+    for words in ([], ["--model", "heavy-tail"]):
+        code, out, err = run("fit", path, "--json", "--source-width", 2, "--sensor-width", 1,
+                             "--polarisation", "0.05,0.03", *words)
+        assert code == 0, err
+        fit = json.loads(out)
+        (folder / "seen.json").write_text(out)
+        points = rows_of(path.read_text())
+        chi2 = {}
+        for how in ([], ["--as-seen"]):
+            code, out, err = run("eval", "--params", folder / "seen.json", "--points", path, *how)
+            assert code == 0, err
+            chi2[bool(how)] = sum(((row["beta"] - p["beta"]) / p["u_ind"]) ** 2 for row, p in zip(rows_of(out), points))
+            assert words == [] or "d_tail" in rows_of(out)[0]
+        assert abs(chi2[True] / fit["chi2"] - 1) < 0.05 and chi2[False] > 2 * chi2[True], (chi2, fit["chi2"])
+    (folder / "p.json").write_text(json.dumps(MATERIAL))
+    code, out, err = run("eval", "--params", folder / "p.json", "--points", path, "--as-seen")
+    assert code == 2 and "goniofit fit --json" in err, err
+
+
 def test_all_bands_together(folder):
     """S of each band, and one shape that they share, known better than from any band alone."""
     dice, bands, path = random.Random(3), {500: 0.1, 550: 0.4, 600: 0.2}, folder / "bands.csv"

@@ -204,8 +204,8 @@ static void make_old(void) {
         snprintf(text, sizeof text, "ALTER TABLE %s DROP COLUMN crc", tables[i]);
         sql(text);
     }
-    sql("DROP TABLE linearity; DROP TABLE estimation_joint_row; DROP TABLE estimation_joint; PRAGMA "
-        "user_version = 1");
+    sql("DROP TABLE linearity; DROP TABLE estimation_joint_row; DROP TABLE estimation_joint; "
+        "DROP TABLE estimation_instrument; DROP TABLE estimation_quality; PRAGMA user_version = 1");
 }
 
 static void an_older_file_is_read_and_goes_on(void **state) {
