@@ -89,7 +89,7 @@ FUZZERS := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
 REPLAYS := $(FUZZERS:%=$(BUILD)/tests/fuzz/test_%)
 $(BUILD)/tests/fuzz/test_%: $(BUILD)/tests/fuzz/fuzz_%.o $(BUILD)/tests/fuzz/replay.o $(LIBRARIES)
 	@echo "  LD  $@"
-	@$(CC) $(SANITIZE) -o $@ $(filter %.o,$^) $(ARCHIVES) $(LINK_LIBS)
+	@$(CC) $(SANITIZE) -o $@ $(filter %.o,$^) $(ARCHIVES) $(LINK_LIBS) $(RENDER_LIBS)
 
 # Small libraries that a test preloads into a program of ours.
 PRELOADS := $(patsubst %.c,$(BUILD)/%.so,$(wildcard tests/preload/*.c))
@@ -164,11 +164,11 @@ fuzz:
 	@.ci/fuzz $(FUZZ_S) $(or $(FUZZ),$(FUZZERS))
 
 # Without Ceres (of libfit only the readers are linked): a target that needed it would measure Ceres.
-FUZZ_ARCHIVES := $(BUILD)/libdaemon.a $(BUILD)/libfit.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
+FUZZ_ARCHIVES := $(BUILD)/libdaemon.a $(BUILD)/libfit/render.a $(BUILD)/libfit.a $(BUILD)/libdrivers.a $(BUILD)/libproto.a
 fuzzers: $(FUZZERS:%=$(BUILD)/tests/fuzz/fuzz_%)
 $(BUILD)/tests/fuzz/fuzz_%: $(BUILD)/tests/fuzz/fuzz_%.o $(FUZZ_ARCHIVES)
 	@echo "  LD  $@"
-	@clang $(SANITIZE) -fsanitize=fuzzer -o $@ $< $(FUZZ_ARCHIVES) $(LINK_LIBS)
+	@clang $(SANITIZE) -fsanitize=fuzzer -o $@ $< $(FUZZ_ARCHIVES) $(LINK_LIBS) $(RENDER_LIBS)
 
 # The installed programs look for profiles under PREFIX, so another PREFIX compiles that file again.
 $(BUILD)/prefix: FORCE

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #define LEVEL 3 /* of zlib: a third of the time of 6 for some percent more bytes */
 
@@ -89,6 +90,14 @@ static void take_rows(png_structp png, struct raster *raster, int passes) {
     }
 }
 
+#define DEFLATE_RATIO 1032 /* no more bytes come out of one: zlib's technical notes */
+
+static uint64_t bytes_in(png_structp png) {
+    struct stat status;
+    FILE *file = png_get_io_ptr(png);
+    return fstat(fileno(file), &status) == 0 ? (uint64_t)status.st_size : 0;
+}
+
 /* Whatever is inside, as RGB of 16 bits in the order of this machine. */
 static void take_picture(png_structp png, png_infop info, struct raster *raster, struct err *e) {
     png_read_info(png, info);
@@ -96,6 +105,11 @@ static void take_picture(png_structp png, png_infop info, struct raster *raster,
     if (width * height > RASTER_PIXELS_MAX) {
         err_set(e, ERR_INPUT, "it has %llu pixels; at most %d are read", (unsigned long long)(width * height),
                 RASTER_PIXELS_MAX);
+        return;
+    }
+    if (height * png_get_rowbytes(png, info) > DEFLATE_RATIO * bytes_in(png)) {
+        err_set(e, ERR_INPUT, "it is too short to hold %llu x %llu pixels", (unsigned long long)width,
+                (unsigned long long)height);
         return;
     }
     png_set_expand_16(png);
