@@ -2,6 +2,7 @@
 
 #include <stdarg.h>
 
+#include "fit/render/mesh.h"
 #include "proto/units.h"
 
 static const char *const names[FEATURES] = {
@@ -16,6 +17,7 @@ static const char *const names[FEATURES] = {
     [FEATURE_INTERREFLECTION] = "interreflection",
     [FEATURE_RANDOM] = "random samples",
     [FEATURE_FACETS] = "facet sampling",
+    [FEATURE_MESHES] = "Embree",
 };
 
 const char *feature_name(enum feature feature) {
@@ -292,13 +294,32 @@ void features_print_facets(const struct scene *scene, FILE *out) {
     }
 }
 
+static void decide_meshes(const struct scene *scene, struct features *f) {
+    size_t triangles = 0;
+    int meshes = 0;
+    for (int i = 0; i < scene->n_shapes; i++) {
+        const struct mesh *mesh = shape_mesh(&scene->shape[i]);
+        triangles += mesh ? mesh->n_triangles : 0;
+        meshes += mesh != NULL;
+    }
+    if (meshes) {
+        decide(f, FEATURE_MESHES, true, 0, "%zu triangles in %d mesh%s", triangles, meshes,
+               meshes > 1 ? "es" : "");
+    } else {
+        decide(f, FEATURE_MESHES, false, 0, "no mesh: its library is not loaded");
+    }
+}
+
 static void keep_all(struct features *f) {
     for (int i = 0; i < FEATURES; i++) {
-        decide(f, (enum feature)i, true, 0, "asked for");
+        if (i != FEATURE_MESHES) {
+            decide(f, (enum feature)i, true, 0, "asked for");
+        }
     }
 }
 
 void features_find(const struct scene *scene, bool all, struct features *features) {
+    decide_meshes(scene, features);
     if (all) {
         keep_all(features);
         return;

@@ -27,6 +27,7 @@ enum feature {
     FEATURE_INTERREFLECTION, /* paths over several surfaces, and the spectra they carry */
     FEATURE_RANDOM,          /* random samples of light and of paths, and the plane of their noise */
     FEATURE_FACETS,          /* directions drawn by the lobe, beside those to the light */
+    FEATURE_MESHES,          /* Embree and its trees; loaded by the first mesh, never by --all-features */
     FEATURES
 };
 

@@ -19,10 +19,9 @@ bool intersect_nearest(const struct scene *scene, const struct ray *ray, struct 
 
 bool intersect_blocked(const struct scene *scene, const struct hit *from, struct vec3 l, double far_mm) {
     struct ray ray = intersect_leave(scene, from, l);
-    struct hit other = {.t_mm = far_mm};
     bool blocked = shape_shadows_itself(&scene->shape[from->shape], from, l);
     for (int i = 0; i < scene->n_shapes && !blocked; i++) {
-        blocked = shape_hit(&scene->shape[i], &ray, &other);
+        blocked = shape_blocks(&scene->shape[i], &ray, far_mm);
     }
     return blocked;
 }

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/render/mesh.h"
 #include "fit/render/place.h"
 #include "fit/render/scene_keys.h"
 #include "proto/file.h"
@@ -199,6 +200,25 @@ static void check_fold(struct check *c, int i) {
     }
 }
 
+/* A mesh that is painted by its file names its materials there. */
+static void check_materials(struct check *c, int i) {
+    struct shape *s = &c->scene->shape[i];
+    const struct mesh *mesh = is_written(c, i, "material") ? NULL : shape_mesh(s);
+    char at[96];
+    for (int k = 0; k < s->n_materials; k++) {
+        s->paint_of[k] = find_paint(c->scene, s->material[k]);
+        if (s->paint_of[k] < 0 && mesh) {
+            snprintf(at, sizeof at, "shapes[%d].mesh.file", i);
+            complain(c, at,
+                     "there is no material '%s' under `materials`, which usemtl names in line %d of %s",
+                     s->material[k], mesh->material[k].line, s->mesh.file);
+        } else if (s->paint_of[k] < 0) {
+            complain(c, material_place(c, i, at, sizeof at), "there is no material '%s' under `materials`",
+                     s->material[k]);
+        }
+    }
+}
+
 static void check_shape(struct check *c, int i) {
     struct shape *s = &c->scene->shape[i];
     struct err e = {0};
@@ -209,21 +229,15 @@ static void check_shape(struct check *c, int i) {
         return;
     }
     s->kind = (enum shape_kind)kind;
-    for (int k = 0; k < s->n_materials; k++) {
-        s->paint_of[k] = find_paint(c->scene, s->material[k]);
-        if (s->paint_of[k] < 0) {
-            complain(c, material_place(c, i, at, sizeof at), "there is no material '%s' under `materials`",
-                     s->material[k]);
-        }
+    snprintf(at, sizeof at, "shapes[%d].%s", i, shape_name(s->kind));
+    if (shape_prepare(s, c->scene->folder, c->errors, &e) && e.code) { /* a mesh may name materials, too */
+        complain(c, at, "%.400s", e.text);
     }
+    check_materials(c, i);
     if (s->kind == SHAPE_RECTANGLE) {
         check_rectangle(c, i);
     } else if (s->kind == SHAPE_FOLD) {
         check_fold(c, i);
-    }
-    if (shape_prepare(s, c->scene->folder, &e)) {
-        snprintf(at, sizeof at, "shapes[%d].%s", i, shape_name(s->kind));
-        complain(c, at, "%.400s", e.text);
     }
 }
 

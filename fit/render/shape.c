@@ -5,8 +5,9 @@ struct kind { /* NULL: nothing to do */
     bool (*hit)(const struct shape *s, const struct ray *ray, struct hit *hit);
     double (*reach)(const struct shape *s);
     bool (*shadow)(const struct shape *s, const struct hit *hit, struct vec3 l);
-    int (*prepare)(struct shape *s, const char *folder, struct err *e);
+    int (*prepare)(struct shape *s, const char *folder, struct err_list *errors, struct err *e);
     void (*free)(struct shape *s);
+    bool (*blocks)(const struct shape *s, const struct ray *ray, double far_mm); /* NULL: by hit */
 };
 
 static double cylinder_reach(const struct shape *s) {
@@ -34,21 +35,23 @@ static const struct kind kinds[SHAPE_KINDS] = {
     [SHAPE_CYLINDER] = {.name = "cylinder", .hit = shape_cylinder_hit, .reach = cylinder_reach},
     [SHAPE_SPHERE] = {.name = "sphere", .hit = shape_sphere_hit, .reach = sphere_reach},
     [SHAPE_RECTANGLE] = {"rectangle", shape_rectangle_hit, rectangle_reach, shape_rectangle_shadow,
-                         shape_rectangle_prepare, shape_rectangle_free},
+                         shape_rectangle_prepare, shape_rectangle_free, NULL},
     [SHAPE_BOARD] = {.name = "board", .hit = shape_board_hit, .reach = board_reach},
     [SHAPE_FOLD] = {.name = "fold",
                     .hit = shape_fold_hit,
                     .reach = fold_reach,
                     .prepare = shape_fold_prepare},
+    [SHAPE_MESH] = {"mesh", shape_mesh_hit, shape_mesh_reach, shape_mesh_shadow, shape_mesh_prepare,
+                    shape_mesh_free, shape_mesh_blocks},
 };
 
 const char *shape_name(enum shape_kind kind) {
     return kinds[kind].name;
 }
 
-int shape_prepare(struct shape *s, const char *folder, struct err *e) {
+int shape_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e) {
     s->frame = frame_make(s->at_mm, s->turn_deg);
-    return kinds[s->kind].prepare ? kinds[s->kind].prepare(s, folder, e) : 0;
+    return kinds[s->kind].prepare ? kinds[s->kind].prepare(s, folder, errors, e) : 0;
 }
 
 void shape_free(struct shape *s) {
@@ -61,12 +64,17 @@ bool shape_hit(const struct shape *s, const struct ray *ray, struct hit *hit) {
     return kinds[s->kind].hit(s, ray, hit);
 }
 
+bool shape_blocks(const struct shape *s, const struct ray *ray, double far_mm) {
+    struct hit hit = {.t_mm = far_mm};
+    return kinds[s->kind].blocks ? kinds[s->kind].blocks(s, ray, far_mm) : shape_hit(s, ray, &hit);
+}
+
 bool shape_shadows_itself(const struct shape *s, const struct hit *hit, struct vec3 l) {
     return kinds[s->kind].shadow && kinds[s->kind].shadow(s, hit, l);
 }
 
 bool shape_is_convex(const struct shape *s) {
-    return !(s->kind == SHAPE_RECTANGLE && s->rectangle.relief.height_mm) &&
+    return s->kind != SHAPE_MESH && !(s->kind == SHAPE_RECTANGLE && s->rectangle.relief.height_mm) &&
            !(s->kind == SHAPE_FOLD && s->fold.angle_deg < 180);
 }
 

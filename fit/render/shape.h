@@ -22,7 +22,15 @@
 
 #define SHAPE_MATERIALS 64
 
-enum shape_kind { SHAPE_CYLINDER, SHAPE_SPHERE, SHAPE_RECTANGLE, SHAPE_BOARD, SHAPE_FOLD, SHAPE_KINDS };
+enum shape_kind {
+    SHAPE_CYLINDER,
+    SHAPE_SPHERE,
+    SHAPE_RECTANGLE,
+    SHAPE_BOARD,
+    SHAPE_FOLD,
+    SHAPE_MESH,
+    SHAPE_KINDS
+};
 
 struct shape_cylinder {
     double radius_mm, length_mm;
@@ -53,6 +61,12 @@ struct shape_fold { /* two rectangles that meet in the y axis and open towards +
     double sine, cosine;                   /* of half the angle */
 };
 
+struct shape_mesh { /* triangles of a file */
+    char file[256];
+    double scale; /* mm in a unit of the file */
+    struct shape_mesh_parts *parts;
+};
+
 struct shape {
     enum shape_kind kind;
     bool given[SHAPE_KINDS]; /* as written in the scene: one of them must be */
@@ -66,23 +80,28 @@ struct shape {
     struct shape_rectangle rectangle;
     struct shape_board board;
     struct shape_fold fold;
+    struct shape_mesh mesh;
 };
 
 struct hit {
     double t_mm; /* along the ray */
     struct vec3 position, normal;
     int paint, shape;
+    uint32_t part; /* of a mesh: the triangle */
 };
 
 const char *shape_name(enum shape_kind kind);
-/* Reads what the shape names; folder: where a relative path begins. */
-int shape_prepare(struct shape *s, const char *folder, struct err *e);
+/* Reads what the shape names; folder: where a relative path begins. Mistakes inside a mesh go to errors with their
+ * place. */
+int shape_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e);
 void shape_free(struct shape *s);
 /* Nearer than hit->t_mm: fills *hit (all but shape) and returns true. */
 bool shape_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
+/* Whether it stands in the way between near_mm and far_mm. */
+bool shape_blocks(const struct shape *s, const struct ray *ray, double far_mm);
 /* No point of it is lit or seen through another of its points: it casts no shadow on itself. */
 bool shape_is_convex(const struct shape *s);
-/* Whether its own relief stands between a hit on it and the light in direction l. */
+/* Whether its own relief stands between a hit on it and the light in direction l, or its facet is turned away. */
 bool shape_shadows_itself(const struct shape *s, const struct hit *hit, struct vec3 l);
 /* How near it comes to a place, or a little less. */
 double shape_distance_mm(const struct shape *s, struct vec3 place);
@@ -93,10 +112,17 @@ bool shape_cylinder_hit(const struct shape *s, const struct ray *ray, struct hit
 bool shape_sphere_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 bool shape_rectangle_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
 bool shape_rectangle_shadow(const struct shape *s, const struct hit *hit, struct vec3 l);
-int shape_rectangle_prepare(struct shape *s, const char *folder, struct err *e);
+int shape_rectangle_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e);
 void shape_rectangle_free(struct shape *s);
 bool shape_board_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
-int shape_fold_prepare(struct shape *s, const char *folder, struct err *e);
+int shape_fold_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e);
 bool shape_fold_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
+bool shape_mesh_hit(const struct shape *s, const struct ray *ray, struct hit *hit);
+bool shape_mesh_blocks(const struct shape *s, const struct ray *ray, double far_mm);
+bool shape_mesh_shadow(const struct shape *s, const struct hit *hit, struct vec3 l);
+double shape_mesh_reach(const struct shape *s);
+int shape_mesh_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e);
+void shape_mesh_free(struct shape *s);
+const struct mesh *shape_mesh(const struct shape *s); /* NULL where the shape is none */
 
 #endif

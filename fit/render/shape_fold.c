@@ -2,9 +2,10 @@
 
 #include "proto/units.h"
 
-int shape_fold_prepare(struct shape *s, const char *folder, struct err *e) {
+int shape_fold_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e) {
     double half = rad_from_deg(s->fold.angle_deg) / 2;
     (void)folder;
+    (void)errors;
     (void)e;
     s->fold.sine = sin(half);
     s->fold.cosine = cos(half);

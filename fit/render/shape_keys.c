@@ -161,6 +161,30 @@ static const struct yaml_key fold_keys[] = {
      .doc = "between the sides; opens towards +z"},
     {0}};
 
+static const struct yaml_key mesh_keys[] = {
+    {.name = "file",
+     .type = YAML_STRING,
+     .offset = AT_SHAPE(mesh.file),
+     .size = sizeof((struct shape *)0)->mesh.file,
+     .required = true,
+     .doc = "NAME.obj or NAME.ply; needs Embree 3 (Debian's libembree3-3)"},
+    {.name = "material",
+     .type = YAML_CUSTOM,
+     .custom = read_material,
+     .doc = "the name of a material for all of it; without it usemtl of the OBJ file names materials of the "
+            "scene"},
+    {.name = "scale",
+     .type = YAML_DOUBLE,
+     .offset = AT_SHAPE(mesh.scale),
+     .low = 1e-9,
+     .high = 1e9,
+     .default_text = "1",
+     .unit = "mm",
+     .doc = "length of a unit of the file"},
+    SCENE_VECTOR("at_mm", AT_SHAPE(at_mm), AT_SHAPE(n_at), "[0, 0, 0]", "place of the origin of the file"),
+    TURN,
+    {0}};
+
 #define SHAPE(key, kind, table, text)                                                                        \
     {                                                                                                        \
         .name = key, .type = YAML_MAP, .offset = 0, .keys = table,                                           \
@@ -173,4 +197,5 @@ const struct yaml_key scene_shape_keys[] = {
     SHAPE("rectangle", SHAPE_RECTANGLE, rectangle_keys, "a painting, seen from its front"),
     SHAPE("board", SHAPE_BOARD, board_keys, "a board of swatches"),
     SHAPE("fold", SHAPE_FOLD, fold_keys, "two rectangles that meet at an angle and shine on each other"),
+    SHAPE("mesh", SHAPE_MESH, mesh_keys, "triangles of a file, seen from their front"),
     {0}};

@@ -109,7 +109,8 @@ static int fill_mask(struct shape *s, const char *path, const struct raster *ras
     return 0;
 }
 
-int shape_rectangle_prepare(struct shape *s, const char *folder, struct err *e) {
+int shape_rectangle_prepare(struct shape *s, const char *folder, struct err_list *errors, struct err *e) {
+    (void)errors;
     struct shape_rectangle *r = &s->rectangle;
     struct raster raster = {0};
     char path[PLACE_MAX];

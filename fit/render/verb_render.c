@@ -8,6 +8,7 @@
 #include "fit/render/albedo.h"
 #include "fit/render/energy.h"
 #include "fit/render/image.h"
+#include "fit/render/mesh.h"
 #include "fit/render/origin.h"
 #include "fit/render/planes_file.h"
 #include "fit/render/scene_keys.h"
@@ -128,6 +129,18 @@ static void print_materials(const struct scene *scene) {
             fprintf(stderr,
                     "warning: material %s: %.2g %% of its X, Y or Z rests on bands that were not measured\n",
                     p->name, 100 * share);
+        }
+    }
+}
+
+static void print_meshes(const struct scene *scene) {
+    for (int i = 0; i < scene->n_shapes; i++) {
+        const struct mesh *m = shape_mesh(&scene->shape[i]);
+        if (m) {
+            struct vec3 size = vec3_sub(m->high, m->low);
+            printf("mesh:     %s, %zu triangles%s, %.4g x %.4g x %.4g mm", scene->shape[i].mesh.file,
+                   m->n_triangles, m->n_normals ? "" : " without normals", size.x, size.y, size.z);
+            printf("; %zu of no area left out, %zu turned to their normals\n", m->no_area, m->turned);
         }
     }
 }
@@ -298,6 +311,7 @@ int verb_render(int argc, char **argv) {
     job.options.render.progress = isatty(STDERR_FILENO);
     job.reports = json_array();
     print_materials(job.scene);
+    print_meshes(job.scene);
     warn_of_lights(job.scene);
     status = job.line && job.reports ? render_series(&job, &e)
                                      : err_set(&e, ERR_NOMEM, "no memory for the command");

@@ -84,6 +84,28 @@ def test_the_manual_can_be_typed(folder):
         assert "-o" not in words or (folder / words[words.index("-o") + 1]).stat().st_size > 0, line
 
 
+def test_the_example_meshes_are_what_their_program_writes(folder):
+    subprocess.run([sys.executable, SCENES / "meshes.py", folder], check=True)
+    for name in ("bowl.obj", "knot.ply"):
+        assert (folder / name).read_bytes() == (SCENES / name).read_bytes(), name
+
+
+def test_meshes_tell_what_they_are_and_what_they_need(folder):
+    scene = small(folder, "mesh.yaml")
+    code, out, err = run("render", scene, "-o", folder / "m.png")
+    assert code == 0, err
+    assert "mesh:     bowl.obj, 1248 triangles, 48 x 20.6 x 48 mm; 96 of no area left out, 0 turned" in out
+    assert "Embree (3936 triangles in 2 meshes)" in out
+    environment = {**os.environ, "LD_PRELOAD": str(GONIORENDER.parent / "tests/preload/no_embree.so")}
+    if "asan" in GONIORENDER.parts:  # the run-time library of ASan must be the first
+        return
+    for words, expected in ((scene, 2), (small(folder, "cylinder.yaml"), 0)):
+        done = subprocess.run([GONIORENDER, "render", words, "-o", folder / "m.png"], env=environment,
+                              capture_output=True, text=True, timeout=60)
+        assert done.returncode == expected, done.stderr
+        assert (expected == 2) == ("install the Debian package libembree3-3" in done.stderr), done.stderr
+
+
 def test_every_example_renders(folder):
     scenes = sorted(p.name for p in SCENES.glob("*.yaml") if "session:" not in p.read_text())
     assert scenes, "no example needs no session"
