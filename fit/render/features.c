@@ -133,7 +133,8 @@ static void decide_lobe(const struct scene *scene, struct features *f) {
         decide(f, FEATURE_LOBE_TAIL, false, 0, "no lobe");
         return;
     }
-    decide(f, FEATURE_SPECULAR, true, 0, "up to %.3g", peak);
+    decide(f, FEATURE_SPECULAR, true, 0, isfinite(peak) ? "up to %.3g" : "no bound on it at grazing exit",
+           peak);
     if (isfinite(peak)) {
         decide(f, FEATURE_LOBE_TAIL, false, FEATURES_TOLERANCE, "where under %g", FEATURES_TOLERANCE);
     } else {

@@ -50,8 +50,19 @@ static json_t *material_json(const struct scene *scene, const struct paint *pain
 }
 
 static json_t *light_json(const struct light *light) {
-    return json_pack("{s:s,s:f,s:[f,f,f]}", "spd", light->spd_name, "share", light->share, "direction",
-                     light->direction.x, light->direction.y, light->direction.z);
+    json_t *json = json_pack("{s:s,s:s,s:f}", "kind", light_name(light->kind), "spd", light->spd_name,
+                             "share", light->share);
+    if (light->kind == LIGHT_BEAM) {
+        json_object_set_new(json, "direction",
+                            json_pack("[f,f,f]", light->direction.x, light->direction.y, light->direction.z));
+    } else if (light->kind == LIGHT_ENVIRONMENT) {
+        json_object_set_new(json, "image", json_string(light->environment.image));
+    } else {
+        json_object_set_new(json, "at_mm",
+                            json_pack("[f,f,f]", light->at_mm[0], light->at_mm[1], light->at_mm[2]));
+        json_object_set_new(json, "size_mm", json_real(light_size_mm(light)));
+    }
+    return json;
 }
 
 static json_t *features_json(const struct features *features, bool kept) {
@@ -94,14 +105,16 @@ static void add_colours(json_t *json, const struct scene *scene, const struct pi
 
 static void add_work(json_t *json, const struct render_report *r) {
     json_t *counts = json_pack(
-        "{s:I,s:I,s:I,s:I,s:I,s:I,s:i}", "camera_rays", (json_int_t)r->counts.camera_rays, "hits",
+        "{s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:I,s:i}", "camera_rays", (json_int_t)r->counts.camera_rays, "hits",
         (json_int_t)r->counts.hits, "shadow_rays", (json_int_t)r->counts.shadow_rays, "negative_diffuse",
         (json_int_t)r->counts.negative_diffuse, "indirect_rays", (json_int_t)r->counts.indirect_rays,
-        "indirect_hits", (json_int_t)r->counts.indirect_hits, "rows_done", r->counts.rows_done);
+        "indirect_hits", (json_int_t)r->counts.indirect_hits, "drawn", (json_int_t)r->counts.drawn,
+        "fireflies", (json_int_t)r->counts.fireflies, "rows_done", r->counts.rows_done);
     json_object_set_new(json, "left_out", features_json(&r->features, false));
     json_object_set_new(json, "kept", features_json(&r->features, true));
     json_object_set_new(json, "bound", json_real(features_bound(&r->features)));
     json_object_set_new(json, "counts", counts);
+    json_object_set_new(json, "noise_y", json_real(r->noise_y));
 }
 
 json_t *origin_make(const struct scene *scene, const struct render_report *report,

@@ -7,6 +7,7 @@
 #include "fit/render/exr.h"
 
 #define TEXT_NAME "goniod"
+#define NOISE_NAME "noise.varY"
 #define LAYERS_MAX 16
 
 struct layers { /* of planes to be written: extras by layer of their pixel */
@@ -31,8 +32,12 @@ static int channels_of_layers(const struct planes *p, int layers) {
     return layers * (1 + 3 * p->n_sets);
 }
 
-static int channels_of(const struct planes *p, int layers) {
+static int channels_without_noise(const struct planes *p, int layers) {
     return channels_of_layers(p, layers) + (planes_have_indirect(p) ? p->n_sets * BANDS : 0);
+}
+
+static int channels_of(const struct planes *p, int layers) {
+    return channels_without_noise(p, layers) + (p->noise != NULL);
 }
 
 static void name_indirect(int set, int band, char name[EXR_NAME_MAX]) {
@@ -47,8 +52,12 @@ static void name_channels(struct layers *l) {
         }
     }
     int first = channels_of_layers(l->planes, l->n);
-    for (int i = first; i < channels_of(l->planes, l->n); i++) {
+    int last = channels_without_noise(l->planes, l->n);
+    for (int i = first; i < last; i++) {
         name_indirect((i - first) / BANDS, (i - first) % BANDS, l->channel[i]);
+    }
+    if (l->planes->noise) {
+        snprintf(l->channel[last], EXR_NAME_MAX, NOISE_NAME);
     }
 }
 
@@ -82,6 +91,9 @@ static void fill_row(void *arg, int y, float *const *row) {
     fill_first(p, at, width, row);
     if (planes_have_indirect(p)) {
         fill_indirect(p, at, width, row + channels_of_layers(p, l->n));
+    }
+    for (int x = 0; x < width && p->noise; x++) {
+        row[channels_without_noise(p, l->n)][x] = (float)p->noise[at + (size_t)x];
     }
     for (int i = each; i < channels_of_layers(p, l->n); i++) {
         for (int x = 0; x < width; x++) {
@@ -285,6 +297,15 @@ static int take_indirect(const char *path, const struct exr_image *image, struct
     return status;
 }
 
+static int take_noise(const struct exr_image *image, struct planes *p, struct err *e) {
+    const float *noise = exr_plane(image, NOISE_NAME);
+    int status = noise ? planes_add_noise(p, e) : 0;
+    for (size_t i = 0; i < (size_t)p->width * (size_t)p->height && noise && !status; i++) {
+        p->noise[i] = noise[i];
+    }
+    return status;
+}
+
 static int take_planes(const char *path, const struct exr_image *image, const struct scene *scene,
                        struct planes *planes, struct err *e) {
     struct stored stored;
@@ -296,6 +317,7 @@ static int take_planes(const char *path, const struct exr_image *image, const st
     for (size_t i = 0; i < n && !status; i++) {
         status = take_pixel(planes, &stored, i, scene->n_paints, e);
     }
+    status = status ? status : take_noise(image, planes, e);
     return status ? status : take_indirect(path, image, planes, e);
 }
 

@@ -3,7 +3,8 @@
  *
  * Channels   layer<i>.paint, layer<i>.light<j>.a, .b, .c: layer 0 is the paint a pixel shows first, further layers what
  *            mixed pixels show besides; paint -1: nothing. Of several bounces also light<j>.indirect.380nm ... 780nm.
- *            32-bit floats: 6e-8 of each value.
+ *            Where something was drawn at random: noise.varY, the variance of Y of each pixel as rendered. 32-bit
+ *            floats: 6e-8 of each value.
  * Text       "goniod": the origin (origin.h) with "recolour": {"paints": [{"name", "s": [81]}], "lights": [{"spd",
  *            "share"}], "spds": [{"name", "power": [81]}], "image": {...}}.
  * Errors     those of exr.h; -ERR_INPUT an EXR that holds no planes.

@@ -1,5 +1,6 @@
 #include "fit/render/render.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -114,6 +115,18 @@ static int make_planes(const struct parts *x, struct planes *planes, struct err 
     return status || !x->paths ? status : planes_add_indirect(planes, e);
 }
 
+static double noise_y(const struct planes *p) {
+    size_t n = 0;
+    double sum = 0;
+    for (size_t i = 0; i < (size_t)p->width * (size_t)p->height && p->noise; i++) {
+        if (p->paint[i] >= 0) {
+            sum += p->noise[i];
+            n++;
+        }
+    }
+    return n ? sqrt(sum / (double)n) : 0;
+}
+
 int render_planes(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct render_report *report, struct err *e) {
     struct render_options own = *options;
@@ -134,6 +147,8 @@ int render_planes(const struct scene *scene, const struct render_options *option
     status = status ? status : make_planes(&x, planes, e);
     trace_integrator *integrator = x.paths ? trace_path : x.random ? trace_area : trace_direct;
     status = status ? status : trace_run(&x.trace, integrator, &own, planes, &report->counts, e);
+    report->samples = x.trace.repeats * scene->image.grid * scene->image.grid;
+    report->noise_y = status ? 0 : noise_y(planes);
     free(x.trace.half);
     free(x.y);
     free(x.energy);

@@ -28,19 +28,21 @@ struct render_options {
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
 
-#define RENDER_FIREFLY                                                                                       \
-    100 /* times the mean of the 8 x 8 pixels around: a sample that more samples would not confirm */
+#define RENDER_FIREFLY 100 /* times the mean of the 8 x 8 pixels around */
 
 struct render_counts {
     uint64_t camera_rays, hits, shadow_rays, negative_diffuse; /* a < 0, set to 0 */
     uint64_t indirect_rays, indirect_hits;                     /* beyond the first bounce */
-    uint64_t drawn, fireflies; /* random samples; pixels with one of over RENDER_FIREFLY times the mean */
+    uint64_t drawn;                                            /* random samples */
+    uint64_t fireflies; /* pixels with one so bright that more samples would not confirm it: RENDER_FIREFLY */
     int rows_done;
 };
 
 struct render_report {
     struct features features;
     struct render_counts counts;
+    int samples;    /* drawn in each pixel, of each light; 0: none */
+    double noise_y; /* root mean square over what is shown, of the standard deviation of Y by them */
     double trace_s, trace_cpu_s; /* cpu: of the whole process meanwhile */
     int threads;
 };

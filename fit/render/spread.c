@@ -192,6 +192,7 @@ static void spread_pixel(struct work *w, size_t pixel, struct bench *b) {
         b->de[d] = (float)ciede2000(lab, drawn_lab);
     }
     qsort(b->de, SPREAD_DRAWS, sizeof *b->de, by_size);
+    s->plane[SPREAD_NOISE][pixel] = (float)w->planes.noise[pixel];
     put_three(s, SPREAD_XYZ, pixel, xyz);
     put_three(s, SPREAD_LAB, pixel, lab);
     put_covariance(s, SPREAD_COV_XYZ, pixel, cov_xyz);
@@ -223,8 +224,8 @@ static void spread_row(void *work, int y) {
             spread_pixel(w, i, &b);
             continue;
         }
-        for (int k = 0; k < SPREAD_SAMPLING; k++) {
-            w->spread->plane[k][i] = NAN;
+        for (int k = 0; k < SPREAD_PLANES; k++) {
+            w->spread->plane[k][i] = NAN; /* sampling comes later */
         }
     }
 }
@@ -313,6 +314,8 @@ static int summarise(struct spread *s, struct err *e) {
     s->worst_p95 = quantile(s, SPREAD_P95, 0.95, sorted);
     s->typical_sampling = quantile(s, SPREAD_SAMPLING, 0.5, sorted);
     s->worst_sampling = quantile(s, SPREAD_SAMPLING, 0.95, sorted);
+    s->typical_noise = sqrt(quantile(s, SPREAD_NOISE, 0.5, sorted));
+    s->worst_noise = sqrt(quantile(s, SPREAD_NOISE, 0.95, sorted));
     free(sorted);
     return 0;
 }

@@ -6,6 +6,7 @@
  *     median, p95        of CIEDE2000 between the picture and SPREAD_DRAWS pictures of drawn paints: S(lambda) as
  *                        drawn, a, b, c to first order in the shared parameters; the same draws for all pixels
  *     sampling           CIEDE2000 between the picture and itself with one sample more each way in a pixel
+ *     noise              variance of Y by what was drawn at random, of lights with extent; 0 without them
  * Paints are independent of each other; a paint without a covariance counts as exactly known. Light, camera and
  * shapes are taken as given.
  *
@@ -29,6 +30,7 @@ enum spread_plane {
     SPREAD_MEDIAN = 18,
     SPREAD_P95,
     SPREAD_SAMPLING,
+    SPREAD_NOISE,
     SPREAD_PLANES
 };
 
@@ -38,13 +40,14 @@ struct spread {
     uint64_t n;                                           /* pixels that show something */
     double typical_median, typical_p95, typical_sampling; /* medians over these */
     double worst_p95, worst_sampling;                     /* exceeded by 5 % of them */
+    double typical_noise, worst_noise;                    /* standard deviations of Y, alike */
 };
 
 /* joint[paint]: borrowed; NULL where none is known. */
 int spread_make(const struct scene *scene, const struct joint *const joint[SCENE_PAINTS], uint64_t seed,
                 const struct render_options *options, struct spread *spread, struct err *e);
 void spread_free(struct spread *spread);
-/* EXR: X.., covXYZ.XX.., Lab.L.., covLab.LL.., dE00.median, dE00.p95, dE00.sampling; "goniod": the origin. */
+/* EXR: X.., covXYZ.XX.., Lab.L.., covLab.LL.., dE00.median, dE00.p95, dE00.sampling, noise.varY; "goniod": the origin. */
 int spread_save(const char *path, const struct spread *spread, const char *origin_json, struct err *e);
 
 #endif

@@ -14,7 +14,8 @@ int spread_save(const char *path, const struct spread *spread, const char *origi
     static const char channel[SPREAD_PLANES][EXR_NAME_MAX] = {
         "X",         "Y",         "Z",         "covXYZ.XX", "covXYZ.XY",   "covXYZ.XZ", "covXYZ.YY",
         "covXYZ.YZ", "covXYZ.ZZ", "Lab.L",     "Lab.a",     "Lab.b",       "covLab.LL", "covLab.La",
-        "covLab.Lb", "covLab.aa", "covLab.ab", "covLab.bb", "dE00.median", "dE00.p95",  "dE00.sampling"};
+        "covLab.Lb", "covLab.aa", "covLab.ab", "covLab.bb", "dE00.median", "dE00.p95",  "dE00.sampling",
+        "noise.varY"};
     const struct exr_text text = {"goniod", origin_json};
     struct exr_form form = {.width = spread->width,
                             .height = spread->height,

@@ -166,10 +166,16 @@ static void print_picture(const struct scene *scene, const struct picture *p, co
         printf("paths:    %llu rays beyond the first bounce, %llu of them to another surface\n",
                (unsigned long long)r->counts.indirect_rays, (unsigned long long)r->counts.indirect_hits);
     }
+    if (r->samples) {
+        printf("noise:    %d random samples a pixel; Y +- %.2g (root mean square); %llu pixels with a sample "
+               "over "
+               "%d times the mean around\n",
+               r->samples, r->noise_y, (unsigned long long)r->counts.fireflies, RENDER_FIREFLY);
+    }
     if (r->counts.negative_diffuse) {
         printf("negative diffuse terms, set to 0: %llu of %llu\n",
                (unsigned long long)r->counts.negative_diffuse,
-               (unsigned long long)(r->counts.hits + r->counts.indirect_hits));
+               (unsigned long long)(r->counts.hits + r->counts.indirect_hits + r->counts.drawn));
     }
 }
 
@@ -234,6 +240,9 @@ static int render_one(const struct job *job, const char *path, struct err *e) {
         printf("picture:  %s, %d x %d pixels of %d bits\n", path, picture.width, picture.height,
                picture.bits);
         features_print(&report.features, stdout);
+        if (!job->options.render.all_features) {
+            features_print_facets(job->scene, stdout);
+        }
         print_picture(job->scene, &picture, &report);
         status = write_picture(job, path, &report, &planes, &picture, colour_s, e);
     }

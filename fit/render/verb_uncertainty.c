@@ -51,10 +51,11 @@ static json_t *find_joints(const struct scene *scene, struct joint *joint, const
 static int write_spread(const char *path, const struct spread *s, json_t *unknown, json_t *origin,
                         struct err *e) {
     json_t *json =
-        json_pack("{s:s,s:i,s:I,s:f,s:f,s:f,s:f,s:f,s:O}", "file", path, "draws", SPREAD_DRAWS, "seed",
-                  (json_int_t)SEED, "median_of_medians", s->typical_median, "median_of_p95", s->typical_p95,
-                  "p95_of_p95", s->worst_p95, "median_of_sampling", s->typical_sampling, "p95_of_sampling",
-                  s->worst_sampling, "exactly_known", unknown);
+        json_pack("{s:s,s:i,s:I,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:O}", "file", path, "draws", SPREAD_DRAWS,
+                  "seed", (json_int_t)SEED, "median_of_medians", s->typical_median, "median_of_p95",
+                  s->typical_p95, "p95_of_p95", s->worst_p95, "median_of_sampling", s->typical_sampling,
+                  "p95_of_sampling", s->worst_sampling, "median_of_noise_y", s->typical_noise,
+                  "p95_of_noise_y", s->worst_noise, "exactly_known", unknown);
     json_object_set_new(origin, "uncertainty", json);
     char *text = json_dumps(origin, JSON_COMPACT);
     int status = text ? spread_save(path, s, text, e) : err_set(e, ERR_NOMEM, "no memory for the origin");
@@ -66,6 +67,11 @@ static int write_spread(const char *path, const struct spread *s, json_t *unknow
                path, s->typical_median, s->typical_p95, s->worst_p95);
         printf("sampling:    CIEDE2000 %.2g in a typical pixel, at most %.2g in 19 of 20\n",
                s->typical_sampling, s->worst_sampling);
+        if (s->worst_noise > 0) {
+            printf("noise:       Y +- %.2g in a typical pixel, at most %.2g in 19 of 20, by what was drawn "
+                   "at random\n",
+                   s->typical_noise, s->worst_noise);
+        }
     }
     return status;
 }

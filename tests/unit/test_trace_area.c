@@ -10,6 +10,8 @@
 #include <unistd.h>
 
 #include "fit/render/exr.h"
+#include "fit/render/planes_file.h"
+#include "fit/render/spread_slope.h"
 #include "fit/render/trace.h"
 #include "tests/support/render_scene.h"
 
@@ -333,6 +335,56 @@ static void what_hides_a_part_of_a_light_makes_half_shadow(void **state) {
     scene_free(scene);
 }
 
+static void the_noise_goes_with_the_planes(void **state) {
+    (void)state;
+    char path[] = "/tmp/test_trace_area-XXXXXX.exr";
+    close(mkstemps(path, 4));
+    struct scene *scene = under_a_panel(0.05, 126, 40, 16), *read = NULL;
+    struct planes planes, back;
+    struct render_report report;
+    json_t *origin = json_object(), *stored = NULL;
+    planes_of(scene, &(struct render_options){0}, &planes, &report);
+    assert_true(report.samples == 16 && report.noise_y > 0);
+    assert_int_equal(planes_save(path, scene, &planes, origin, NULL), 0);
+    assert_int_equal(planes_load(path, &read, &back, &stored, NULL), 0);
+    for (int i = 0; i < 900; i++)
+        assert_true((float)planes.noise[i] == (float)back.noise[i]);
+    unlink(path);
+    json_decref(origin);
+    json_decref(stored);
+    planes_free(&planes);
+    planes_free(&back);
+    scene_free(scene);
+    scene_free(read);
+}
+
+/* dc/dgamma of few samples against the difference of two pictures of many: the same directions up and down. */
+static void slopes_have_no_noise_of_their_own(void **state) {
+    (void)state;
+    struct scene *few = under_a_panel(0.02, 1000, 16, 16), *many = under_a_panel(0.02, 1000, 16, 1024);
+    struct planes slope, planes;
+    struct render_report report;
+    double steep = 0, sum = 0;
+    assert_int_equal(spread_slope(few, (bool[SCENE_PAINTS]){true}, MATERIAL_GAMMA,
+                                  &(struct render_options){0}, &slope, NULL),
+                     0);
+    for (int k = 0; k < 2; k++) {
+        many->paint[0].estimate.value[MATERIAL_GAMMA] = 0.02 * (k ? 1.05 : 0.95);
+        assert_int_equal(paint_prepare(&many->paint[0], NULL), 0);
+        planes_of(many, &(struct render_options){0}, &planes, &report);
+        for (int i = 0; i < 900; i++)
+            sum += (k ? 1 : -1) * planes.set[0].c[i] / (0.1 * 0.02);
+        planes_free(&planes);
+    }
+    for (int i = 0; i < 900; i++)
+        steep += slope.set[0].c[i];
+    if (!(fabs(steep / sum - 1) < 0.03))
+        fail_msg("slope %g, differences %g", steep, sum);
+    planes_free(&slope);
+    scene_free(few);
+    scene_free(many);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lambert_under_a_panel_is_the_form_factor),
@@ -344,6 +396,8 @@ int main(void) {
         cmocka_unit_test(same_bits_for_any_number_of_threads),
         cmocka_unit_test(left_out_agrees_with_all_features),
         cmocka_unit_test(what_hides_a_part_of_a_light_makes_half_shadow),
+        cmocka_unit_test(the_noise_goes_with_the_planes),
+        cmocka_unit_test(slopes_have_no_noise_of_their_own),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
