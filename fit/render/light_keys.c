@@ -122,7 +122,7 @@ static const struct yaml_key rectangle_keys[] = {
     {0}};
 
 static const struct yaml_key sphere_keys[] = {
-    MIDDLE, SCENE_LENGTH("radius_mm", AT_LIGHT(radius_mm), true, NULL, ""), SPD, WEIGHT, {0}};
+    MIDDLE, SCENE_LENGTH("radius_mm", AT_LIGHT(radius_mm), true, NULL, "radius"), SPD, WEIGHT, {0}};
 
 static const struct yaml_key environment_keys[] = {
     {.name = "image",

@@ -28,7 +28,8 @@ struct render_options {
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
 
-#define RENDER_FIREFLY 100 /* times the mean of the 8 x 8 pixels around */
+#define RENDER_FIREFLY                                                                                       \
+    100 /* times the mean of the 8 x 8 pixels around, and brighter than the perfect diffuser */
 
 struct render_counts {
     uint64_t camera_rays, hits, shadow_rays, negative_diffuse; /* a < 0, set to 0 */

@@ -161,7 +161,8 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
 }
 
 /* A sample far above its surroundings is a pixel that many more samples would show otherwise. The surroundings are a
- * square of pixels, so that a highlight of one pixel is none. */
+ * square of pixels, so that a highlight of one pixel is none; nor is what is dimmer than the perfect diffuser, which
+ * enters a deep shadow by a gap. */
 static uint64_t count_fireflies(const struct drawn *drawn, int width, int rows) {
     uint64_t n = 0;
     for (int left = 0; left < width; left += TRACE_TILE_ROWS) {
@@ -170,7 +171,7 @@ static uint64_t count_fireflies(const struct drawn *drawn, int width, int rows) 
         for (int i = 0; i < rows * (right - left); i++) {
             sum += drawn[i / (right - left) * width + left + i % (right - left)].mean;
         }
-        double limit = RENDER_FIREFLY * sum / (rows * (right - left));
+        double limit = fmax(RENDER_FIREFLY * sum / (rows * (right - left)), 1);
         for (int i = 0; i < rows * (right - left); i++) {
             n += drawn[i / (right - left) * width + left + i % (right - left)].brightest > limit;
         }

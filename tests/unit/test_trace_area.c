@@ -98,6 +98,37 @@ static void a_white_sphere_in_a_white_sky_is_white(void **state) {
     scene_free(scene);
 }
 
+/* So is a white fold, where all that it does not send out at once comes out over its other side. */
+static void a_white_fold_in_a_white_sky_is_white(void **state) {
+    (void)state;
+    write_sky(1);
+    struct scene *scene = scene_of(
+        WHITE "shapes: [fold: {materials: [m, m], width_mm: 40, length_mm: 50, angle_deg: 90}]\n"
+              "lights: [environment: {image: %s}]\n"
+              "camera: {orthographic: {height_mm: 50, from: [0.1, 0.2, 1], look_at_mm: [0, 0, 16]}}\n"
+              "image: {width: 20, height: 20, grid: 1, samples: 256, bounces: 32}\n",
+        sky_file);
+    unlink(sky_file);
+    struct planes planes;
+    struct render_report report;
+    planes_of(scene, &(struct render_options){0}, &planes, &report);
+    double *xyz = xyz_of(scene, &planes, true), sum = 0, noise = 0, once = 0;
+    int n = 0;
+    for (int i = 0; i < 400; i++)
+        if (planes.paint[i] >= 0) {
+            sum += xyz[3 * i + 1] - 1;
+            once += planes.set[0].a[i];
+            noise += planes.noise[i];
+            n++;
+        }
+    assert_true(n > 200 && once < 0.9 * n); /* a part comes over the other side */
+    if (!(fabs(sum) < 5 * sqrt(noise) && sqrt(noise) / n < 3e-3))
+        fail_msg("mean off by %g +- %g", sum / n, sqrt(noise) / n);
+    free(xyz);
+    planes_free(&planes);
+    scene_free(scene);
+}
+
 #define GREEN                                                                                                \
     "materials: [{name: m, spectrum: green.csv, sigma: 0.3, gamma: 0.07, beta_prime: 7.6, n: 1.7}]\n"
 #define TILTED "shapes: [cylinder: {material: m, radius_mm: 20, length_mm: 60, turn_deg: [0, 0, 17]}]\n"
@@ -389,6 +420,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lambert_under_a_panel_is_the_form_factor),
         cmocka_unit_test(a_white_sphere_in_a_white_sky_is_white),
+        cmocka_unit_test(a_white_fold_in_a_white_sky_is_white),
         cmocka_unit_test(a_ball_far_away_is_a_beam),
         cmocka_unit_test(facets_and_light_agree),
         cmocka_unit_test(narrow_lobes_make_no_fireflies),
