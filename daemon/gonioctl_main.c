@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "daemon/verbs.h"
+#include "proto/output.h"
 #include "proto/yaml.h"
 
 static int help(FILE *out) {
@@ -29,7 +30,7 @@ static int unknown(const char *name) {
     return 2;
 }
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     if (argc < 2)
         return help(stderr);
     if (strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0 || strcmp(argv[1], "help") == 0)
@@ -40,4 +41,8 @@ int main(int argc, char **argv) {
         if (strcmp(v->name, argv[1]) == 0)
             return v->run(argc - 1, argv + 1);
     return unknown(argv[1]);
+}
+
+int main(int argc, char **argv) {
+    return output_end("gonioctl", run(argc, argv));
 }

@@ -1,10 +1,10 @@
 /* export: a session in the forms of other programs. */
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "daemon/verb_export.h"
 #include "daemon/verb_session.h"
+#include "proto/output.h"
 
 enum { FORMAT, OUTPUT, SPECTRUM };
 
@@ -29,21 +29,8 @@ static int check_arguments(const struct verb_args *args, struct err *e) {
 
 static int export(struct session *s, const struct verb_args *args, struct err *e) {
     const char *name = args->option[OUTPUT];
-    FILE *out = fopen(name, "wb");
-    if (!out) {
-        int saved_errno = errno;
-        return err_errno(e, ERR_IO, saved_errno, "cannot write %s", name);
-    }
-    int rc = write_as(s, args, out, e);
-    bool failed = ferror(out) != 0;
-    if (fclose(out) != 0 || failed) {
-        int saved_errno = errno;
-        rc = err_errno(e, saved_errno == ENOSPC ? ERR_FULL : ERR_IO, saved_errno,
-                       "%s could not be written whole", name);
-    }
-    if (rc < 0)
-        remove(name);
-    return rc;
+    FILE *out = output_open(name, e);
+    return out ? output_close(out, name, write_as(s, args, out, e), e) : -e->code;
 }
 
 int verb_export(int argc, char **argv) {

@@ -10,7 +10,7 @@
  * pcapng     the Modbus exchanges as RTU frames (CRC added) on link type 147 (USER0), for Wireshark's mbrtu
  *            dissector: -o 'uat:user_dlts:"User 0 (DLT=147)","mbrtu","0","","0",""'. An exchange without reply is
  *            one packet.
- * Errors     -ERR_STATE nothing to export; -ERR_IO, -ERR_FULL the file.
+ * Errors     -ERR_STATE nothing to export; -ERR_BUSY the file exists already; -ERR_IO, -ERR_FULL the file.
  * Checked    tests/unit/test_verbs_offline.c, tests/wire/test_pcapng.py (tshark)
  */
 #ifndef DAEMON_VERB_EXPORT_H

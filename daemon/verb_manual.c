@@ -5,17 +5,12 @@
 
 #include "daemon/verb_live.h"
 #include "proto/number.h"
+#include "proto/output.h"
 
 #define SPECTRUM_MS (15 * 60 * 1000)
 
-static int print_spectrum(const json_t *result, const char *path) {
+static void print_spectrum(const json_t *result, FILE *out) {
     json_t *lambda = json_object_get(result, "lambda_nm"), *counts = json_object_get(result, "counts");
-    FILE *out = path ? fopen(path, "wx") : stdout;
-    if (!out) {
-        fprintf(stderr, "gonioctl: spectrum: cannot make %s (a file of that name is never overwritten)\n",
-                path);
-        return 1;
-    }
     fprintf(out, "# exposure_ms: %g\n# average: %lld\n# saturated_pixels: %lld\nlambda_nm,counts\n",
             json_number_value(json_object_get(result, "exposure_ms")),
             (long long)json_integer_value(json_object_get(result, "average")),
@@ -23,11 +18,14 @@ static int print_spectrum(const json_t *result, const char *path) {
     for (size_t i = 0; i < json_array_size(lambda); i++)
         fprintf(out, "%.3f,%.3f\n", json_number_value(json_array_get(lambda, i)),
                 json_number_value(json_array_get(counts, i)));
-    if (out != stdout && fclose(out) != 0) {
-        fprintf(stderr, "gonioctl: spectrum: could not write %s\n", path);
-        return 1;
-    }
-    return 0;
+}
+
+static int save_spectrum(const json_t *result, const char *path, struct err *e) {
+    FILE *out = output_open(path, e);
+    if (!out)
+        return -e->code;
+    print_spectrum(result, out);
+    return output_close(out, path, 0, e);
 }
 
 /* Adds the number an option gives; 0 or the exit status. */
@@ -41,6 +39,13 @@ static int add_number(json_t *params, const char *key, const char *text) {
     }
     json_object_set_new(params, key, json_real(value));
     return 0;
+}
+
+static void warn_saturated(const json_t *result) {
+    json_int_t n = json_integer_value(json_object_get(result, "saturated_pixels"));
+    if (n)
+        fprintf(stderr, "gonioctl: spectrum: SATURATED in %lld pixels; use a shorter --exposure\n",
+                (long long)n);
 }
 
 int verb_spectrum(int argc, char **argv) {
@@ -62,18 +67,20 @@ int verb_spectrum(int argc, char **argv) {
         json_decref(params);
         return 2;
     }
-    if (live_call(&args, "spectrum", params, SPECTRUM_MS, &result, NULL, &e) != 0)
-        return verb_fail(&e, NULL);
-    int rc = 0;
-    if (args.json)
+    /* The file first: a spectrum that took minutes is not lost to a name that was wrong. */
+    int rc = args.option[2] ? output_check(args.option[2], &e) : 0;
+    if (rc == 0)
+        rc = live_call(&args, "spectrum", json_incref(params), SPECTRUM_MS, &result, NULL, &e);
+    if (rc == 0 && args.option[2])
+        rc = save_spectrum(result, args.option[2], &e);
+    if (rc == 0 && args.json)
         live_print_json(result);
-    else
-        rc = print_spectrum(result, args.option[2]);
-    if (json_integer_value(json_object_get(result, "saturated_pixels")))
-        fprintf(stderr, "gonioctl: spectrum: SATURATED in %lld pixels; use a shorter --exposure\n",
-                (long long)json_integer_value(json_object_get(result, "saturated_pixels")));
+    else if (rc == 0 && !args.option[2])
+        print_spectrum(result, stdout);
+    warn_saturated(result);
+    json_decref(params);
     json_decref(result);
-    return rc;
+    return rc < 0 ? verb_fail(&e, NULL) : 0;
 }
 
 /* Each answer of goniod is {"text": ..., "question": ...} until it is {"text": ..., "done": true}. */

@@ -4,6 +4,7 @@
 
 #include "fit/commands.h"
 #include "fit/serve.h"
+#include "proto/output.h"
 
 static const char help[] =
     "usage: goniofit fit FILE... | eval --params P.json --points G.csv | bench | stability | --serve\n"
@@ -49,7 +50,7 @@ static const struct {
     {"--version", command_version},
 };
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     for (size_t i = 0; argc > 1 && i < sizeof commands / sizeof *commands; i++) {
         if (strcmp(argv[1], commands[i].name) == 0) {
             return commands[i].run(argc - 1, argv + 1);
@@ -59,4 +60,8 @@ int main(int argc, char **argv) {
             argc > 1 ? argv[1] : "", argc > 1 ? "'\n" : "\n");
     fputs(help, stderr);
     return 2;
+}
+
+int main(int argc, char **argv) {
+    return output_end("goniofit", run(argc, argv));
 }

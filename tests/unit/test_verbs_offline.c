@@ -207,6 +207,7 @@ static void sessions_are_listed_with_what_is_wrong(void **state) {
 static char *exported(const char *format, const char *extra) {
     char name[120];
     snprintf(name, sizeof name, "%s/export", row_folder);
+    remove(name);
     expect(RUN("export", row_path, "--format", format, "-o", name, extra), 0, "", "");
     FILE *f = fopen(name, "rb");
     fseek(f, 0, SEEK_END);
@@ -279,6 +280,16 @@ static void bad_exports_are_refused(void **state) {
     expect(RUN("export", row_path, "--format", "csv", "-o", "/nowhere/x"), 1, "", "cannot write /nowhere/x");
 }
 
+/* A slip of the finger names the session itself, or a job: it is still there, and whole. */
+static void an_export_overwrites_nothing(void **state) {
+    (void)state;
+    static const char *const formats[] = {"csv", "astm", "pcapng"};
+    for (int i = 0; i < 3; i++)
+        expect(RUN("export", row_path, "--format", formats[i], "-o", row_path), 1, "",
+               "nothing is overwritten");
+    expect(RUN("verify", row_path), 0, "sound", "");
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, make_session, row_teardown)
 
 /* --make FILE: a session for tests/wire/test_pcapng.py. --verb ...: one verb, as gonioctl runs it. */
@@ -305,6 +316,7 @@ int main(int argc, char **argv) {
         TEST(astm_has_radians_and_brdf),
         TEST(astm_reads_back),
         TEST(bad_exports_are_refused),
+        TEST(an_export_overwrites_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
