@@ -172,8 +172,8 @@ static int spectrum(struct campaign *c, const struct desk_manual *m, json_t **ou
     int result = campaign_ready_spectrometer(c, e);
     struct spectrometer *s = c->instruments.spectrometer;
     if (result == 0 && c->setup.config->shutter == SHUTTER_LAMP_LINE) {
-        c->lamp = -1;
-        result = spectrometer_set_lamp(s, m->lamp, &c->cancel, e);
+        c->lamp = -1; /* whatever was thought of it: the order is sent */
+        result = campaign_set_lamp(c, m->lamp, e);
     }
     if (result == 0 && m->lamp && c->lamp_since_us == INT64_MIN)
         c->lamp_since_us = clock_now_us(c->clock);

@@ -141,6 +141,12 @@ static int order_pause(const json_t *params, struct desk_order *order, struct er
     return 0;
 }
 
+static void drop_ending(char *name) {
+    size_t n = strlen(name);
+    if (n > 6 && strcmp(name + n - 6, ".gonio") == 0)
+        name[n - 6] = '\0';
+}
+
 static int order_resume(const json_t *params, struct desk_order *order, struct err *e) {
     const json_t *session = json_object_get(params, "session");
     order->command = session ? COMMAND_RESUME_SESSION : COMMAND_RESUME;
@@ -149,7 +155,9 @@ static int order_resume(const json_t *params, struct desk_order *order, struct e
     if (strchr(json_string_value(session), '/'))
         return err_set(e, ERR_USAGE, "a session is resumed by its name, not by a path: %s",
                        json_string_value(session));
-    return copy_name(order->session.name, sizeof order->session.name, session, "name of the session", e);
+    int rc = copy_name(order->session.name, sizeof order->session.name, session, "name of the session", e);
+    drop_ending(order->session.name); /* `gonioctl sessions` prints the file's name */
+    return rc;
 }
 
 static int order_continue(const json_t *params, struct desk_order *order, struct err *e) {

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include "daemon/job.h"
@@ -36,26 +37,42 @@ static json_t *job_params(const char *path, struct err_list *errors) {
     return params;
 }
 
-/* Sends one job; 0 or the exit status. */
-static int send_job(const struct verb_args *args, const char *method, const char *path, json_t **result) {
+static int ask(const struct verb_args *args, const char *method, json_t *params, json_t **result) {
     struct err_list errors = {0};
     struct err e = {0};
-    json_t *params = job_params(path, &errors);
-    if (!params)
-        err_set(&e, ERR_INPUT, "%s was not sent; nothing was started", path);
-    int rc = params ? live_call(args, method, params, PLAN_MS, result, &errors, &e) : -ERR_INPUT;
+    int rc = live_call(args, method, params, PLAN_MS, result, &errors, &e);
     int status = rc == 0 ? 0 : verb_fail(&e, &errors);
+    err_list_free(&errors);
+    return status;
+}
+
+/* The texts of all jobs, or every mistake in reading them; 0 or the exit status. */
+static int read_jobs(const struct verb_args *args, json_t **all) {
+    struct err_list errors = {0};
+    struct err e = {0};
+    *all = json_array();
+    for (int i = 0; i < args->n_operands; i++) {
+        json_t *params = job_params(args->operand[i], &errors);
+        if (params)
+            json_array_append_new(*all, params);
+        else
+            err_set(&e, ERR_INPUT, "%s was not sent; nothing was started", args->operand[i]);
+    }
+    int status = e.code ? verb_fail(&e, &errors) : 0;
     err_list_free(&errors);
     return status;
 }
 
 int verb_check(int argc, char **argv) {
     struct verb_args args;
-    json_t *plan = NULL;
+    json_t *plan = NULL, *jobs = NULL;
     int done = verb_parse(argc, argv, NULL, 1, 1, &args);
     if (done >= 0)
         return done;
-    int status = send_job(&args, "check", args.operand[0], &plan);
+    int status = read_jobs(&args, &jobs);
+    if (status == 0)
+        status = ask(&args, "check", json_incref(json_array_get(jobs, 0)), &plan);
+    json_decref(jobs);
     if (status == 0 && args.json)
         live_print_json(plan);
     else if (status == 0)
@@ -79,17 +96,25 @@ static const json_t *ended(const json_t *status, json_int_t number) {
     return NULL;
 }
 
+/* Columns of the terminal on stderr; 80 where it does not say. */
+static int columns(void) {
+    struct winsize size = {0};
+    return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col ? size.ws_col : 80;
+}
+
+/* One line, cut to the terminal's width: a line that wraps could not be drawn over. */
 static void draw(const json_t *status) {
     double fraction = json_number_value(json_object_get(json_object_get(status, "progress"), "fraction"));
     const char *state = json_string_value(json_object_get(status, "state"));
     const char *phase = json_string_value(json_object_get(status, "phase"));
-    char left[40] = "";
-    int filled = (int)(fraction * BAR);
+    char left[40] = "", line[160];
+    int width = columns(), bar = width < 60 ? 8 : BAR, filled = (int)(fraction * bar);
     if (json_object_get(status, "left_s"))
         live_duration(json_number_value(json_object_get(status, "left_s")), left, sizeof left);
-    fprintf(stderr, "\r\033[K[%.*s%*s] %3d %% %s%s%s%s%s", filled, "############################",
-            BAR - filled, "", (int)(100 * fraction), state ?: "", phase && *phase ? ", " : "", phase ?: "",
-            *left ? ", left: " : "", left);
+    snprintf(line, sizeof line, "[%.*s%*s] %3d %% %s%s%s%s%s", filled, "############################",
+             bar - filled, "", (int)(100 * fraction), state ?: "", phase && *phase ? ", " : "", phase ?: "",
+             *left ? ", left: " : "", left);
+    fprintf(stderr, "\r\033[K%.*s", width - 1, line);
 }
 
 static void say_hold(const json_t *status, char *told, size_t size) {
@@ -99,20 +124,24 @@ static void say_hold(const json_t *status, char *told, size_t size) {
     snprintf(told, size, "%s", hold);
 }
 
-static int report_end(const json_t *job) {
-    const char *state = json_string_value(json_object_get(job, "state")) ?: "?";
-    const char *why = json_string_value(json_object_get(job, "why"));
+/* How a job ended: in words, and into `job` for --json. */
+static int report_end(const json_t *end, json_t *job, bool json) {
+    const char *state = json_string_value(json_object_get(end, "state")) ?: "?";
+    const char *why = json_string_value(json_object_get(end, "why"));
     size_t i;
     json_t *session;
-    json_array_foreach(json_object_get(job, "sessions"), i, session)
-        printf("%s\n", json_string_value(session) ?: "");
-    fprintf(stderr, "%s: %s%s%s\n", json_string_value(json_object_get(job, "name")) ?: "?", state,
+    if (!json)
+        json_array_foreach(json_object_get(end, "sessions"), i, session)
+            printf("%s\n", json_string_value(session) ?: "");
+    fprintf(stderr, "%s: %s%s%s\n", json_string_value(json_object_get(end, "name")) ?: "?", state,
             why && *why ? ": " : "", why ?: "");
+    json_object_update_missing(job, (json_t *)end);
     return strcmp(state, "done") == 0 ? 0 : 1;
 }
 
 /* Looks at the status until the job has ended. Ctrl-C detaches; the campaign goes on. */
-static int wait_for(struct rpc_client *client, json_int_t number) {
+static int wait_for(struct rpc_client *client, json_t *job, bool json) {
+    json_int_t number = json_integer_value(json_object_get(job, "job"));
     bool bar = isatty(STDERR_FILENO);
     char told[256] = "";
     for (;;) {
@@ -126,7 +155,7 @@ static int wait_for(struct rpc_client *client, json_int_t number) {
         say_hold(status, told, sizeof told);
         if (bar && (end || interrupted))
             fprintf(stderr, "\r\033[K");
-        int rc = end ? report_end(end) : 0;
+        int rc = end ? report_end(end, job, json) : 0;
         json_decref(status);
         if (end || interrupted)
             return rc;
@@ -136,15 +165,17 @@ static int wait_for(struct rpc_client *client, json_int_t number) {
     }
 }
 
-static int wait_for_all(const struct verb_args *args, const json_int_t *number, int n) {
+static int wait_for_all(const struct verb_args *args, json_t *queued) {
     struct err e = {0};
     struct rpc_client *client;
     int worst = 0;
+    size_t i;
+    json_t *job;
     if (rpc_connect(&client, args->socket, &e) != 0)
         return verb_fail(&e, NULL);
     signal(SIGINT, on_interrupt);
-    for (int i = 0; i < n && !interrupted; i++) {
-        int status = wait_for(client, number[i]);
+    json_array_foreach(queued, i, job) {
+        int status = interrupted ? 0 : wait_for(client, job, args->json);
         worst = status > worst ? status : worst;
     }
     if (interrupted)
@@ -153,25 +184,55 @@ static int wait_for_all(const struct verb_args *args, const json_int_t *number, 
     return worst;
 }
 
+/* Several jobs are one order: each is checked before the first is queued. */
+static int check_all(const struct verb_args *args, const json_t *jobs) {
+    int status = 0;
+    size_t i;
+    json_t *params;
+    for (i = 0; json_array_size(jobs) > 1 && status == 0 && i < json_array_size(jobs); i++) {
+        json_t *plan = NULL;
+        params = json_array_get(jobs, i);
+        status = ask(args, "check", json_incref(params), &plan);
+        json_decref(plan);
+    }
+    return status;
+}
+
+static int queue_all(const struct verb_args *args, const json_t *jobs, json_t *queued) {
+    int status = 0;
+    for (size_t i = 0; status == 0 && i < json_array_size(jobs); i++) {
+        json_t *result = NULL;
+        status = ask(args, "run", json_incref(json_array_get(jobs, i)), &result);
+        if (status == 0 && !args->json)
+            fprintf(stderr, "job %lld: %s\n", (long long)json_integer_value(json_object_get(result, "job")),
+                    args->operand[i]);
+        if (status == 0)
+            json_array_append_new(queued, result);
+    }
+    return status;
+}
+
 int verb_run(int argc, char **argv) {
     static const struct verb_option OPTIONS[] = {
         {"--wait", 'w', NULL, "shows progress until the last job has ended"}, {0}};
     struct verb_args args;
-    int done = verb_parse(argc, argv, OPTIONS, 1, VERB_OPERANDS, &args);
-    if (done >= 0)
-        return done;
-    json_int_t number[VERB_OPERANDS];
-    for (int i = 0; i < args.n_operands; i++) {
-        json_t *result = NULL;
-        int status = send_job(&args, "run", args.operand[i], &result);
-        if (status != 0)
-            return status;
-        number[i] = json_integer_value(json_object_get(result, "job"));
-        if (args.json)
-            live_print_json(result);
-        else
-            fprintf(stderr, "job %lld: %s\n", (long long)number[i], args.operand[i]);
-        json_decref(result);
+    json_t *jobs = NULL, *queued = json_array();
+    int status = verb_parse(argc, argv, OPTIONS, 1, VERB_OPERANDS, &args);
+    if (status < 0) {
+        status = read_jobs(&args, &jobs);
+        if (status == 0)
+            status = check_all(&args, jobs);
+        if (status == 0)
+            status = queue_all(&args, jobs, queued);
+        if (status == 0 && args.option[0])
+            status = wait_for_all(&args, queued);
+        if (args.json && json_array_size(queued)) {
+            json_t *all = json_pack("{s:O}", "jobs", queued);
+            live_print_json(all);
+            json_decref(all);
+        }
     }
-    return args.option[0] ? wait_for_all(&args, number, args.n_operands) : 0;
+    json_decref(jobs);
+    json_decref(queued);
+    return status;
 }

@@ -49,8 +49,11 @@ static void print_spectrometer(const json_t *s) {
         printf(", %.3f ms", json_number_value(json_object_get(d, "exposure_ms")));
     if (json_is_number(json_object_get(d, "temperature_c")))
         printf(", %.1f degC", json_number_value(json_object_get(d, "temperature_c")));
-    if (json_object_get(s, "lamp"))
-        printf(", lamp %s", json_is_true(json_object_get(s, "lamp")) ? "on" : "off");
+    const json_t *lamp = json_object_get(s, "lamp");
+    if (json_is_boolean(lamp))
+        printf(", lamp %s", json_is_true(lamp) ? "on" : "off");
+    else if (lamp)
+        printf(", lamp not known");
     if (json_object_get(d, "age_ms"))
         printf("  (read %.1f s ago)", json_number_value(json_object_get(d, "age_ms")) / 1000);
     putchar('\n');
@@ -66,13 +69,18 @@ void live_print_status(const json_t *s) {
         printf("  HELD for you: %s. Then: gonioctl continue\n", text(s, "hold"));
     if (text(s, "why") && *text(s, "why"))
         printf("  %s\n", text(s, "why"));
+    if (text(s, "warning") && *text(s, "warning"))
+        printf("  warning: %s\n", text(s, "warning"));
     print_progress(s);
     live_print_axes(json_object_get(s, "axes"));
     print_spectrometer(s);
     json_array_foreach(json_object_get(s, "sessions"), i, name)
         printf("  session %s\n", json_string_value(name) ?: "");
     if (json_array_size(json_object_get(s, "queue")))
-        printf("  %zu more in the queue\n", json_array_size(json_object_get(s, "queue")));
+        printf("  %zu more in the queue%s\n", json_array_size(json_object_get(s, "queue")),
+               json_is_true(json_object_get(s, "queue_waits"))
+                   ? ", waiting for you: `gonioctl continue` lets them go on"
+                   : "");
     printf("  snapshot %.1f s old\n", json_number_value(json_object_get(s, "snapshot_age_ms")) / 1000);
 }
 
