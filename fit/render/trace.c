@@ -182,10 +182,12 @@ static uint64_t count_fireflies(const struct drawn *drawn, int width, int rows) 
 static bool trace_rows(struct work *w, struct tile *tile, int first, int last) {
     int width = w->planes->width;
     double part = 1.0 / (w->trace->scene->image.grid * w->trace->scene->image.grid);
+    struct render_counts counts = {
+        0}; /* of its own: tiles lie side by side in cache lines of several threads */
     struct pixel pixel;
     for (int y = first; y < last; y++) {
         for (int x = 0; x < width; x++) {
-            trace_pixel(w, x, y, &pixel, &tile->counts);
+            trace_pixel(w, x, y, &pixel, &counts);
             if (!store_pixel(w, tile, (size_t)y * (size_t)width + (size_t)x, &pixel, part)) {
                 return false;
             }
@@ -194,6 +196,7 @@ static bool trace_rows(struct work *w, struct tile *tile, int first, int last) {
             }
         }
     }
+    tile->counts = counts;
     return true;
 }
 
