@@ -27,6 +27,7 @@ struct bench_size {
     int error_pixels, time_pixels; /* side of the pictures for errors and for times */
     int reference_grid;            /* its samples a pixel: grid squared, in two halves */
     int repeats;                   /* of each timed process; the median counts */
+    int fold_pixels, fold_samples; /* of the fold: side of the picture; paths a pixel of its reference */
 };
 
 struct bench_error { /* of one sampling of one scene */
@@ -78,11 +79,16 @@ void bench_reference_free(struct bench_reference *r);
 int bench_compare(const struct bench_reference *r, const double *xyz, const double white[3],
                   struct bench_error *out, struct err *e);
 double bench_floor(const struct bench_reference *r); /* half the distance of the halves, over the mean Y */
+/* Of log rmse over log samples. */
+double bench_slope(const struct bench_error *row, int n);
 int bench_error_run(const char *folder, const struct bench_scene *s, const struct bench_size *size,
                     struct bench_errors *errors, struct err *e);
 /* words: the program and its arguments; report: R.json that it writes, or NULL. */
 int bench_time_run(char *const *words, const char *report, int repeats, struct bench_time *time,
                    struct err *e);
+
+/* S4: a fold of one strongly coloured paint, 5 bounces, at the centres of pixels; its section of the report. */
+int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, struct err *e);
 
 int bench_recolour(const char *folder, const struct bench_size *size, struct bench_recolour *out,
                    struct err *e);

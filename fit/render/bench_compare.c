@@ -106,3 +106,15 @@ double bench_floor(const struct bench_reference *r) {
     }
     return n ? sqrt(sum / n) / 2 / mean_y(r) : 0;
 }
+
+double bench_slope(const struct bench_error *row, int n) {
+    double sx = 0, sy = 0, sxx = 0, sxy = 0;
+    for (int i = 0; i < n; i++) {
+        double x = log(row[i].samples), y = log(row[i].rmse);
+        sx += x;
+        sy += y;
+        sxx += x * x;
+        sxy += x * y;
+    }
+    return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}

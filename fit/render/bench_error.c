@@ -151,18 +151,6 @@ static int error_row(struct scene *scene, const struct bench_reference *referenc
     return status;
 }
 
-static double slope_of(const struct bench_errors *errors) {
-    double sx = 0, sy = 0, sxx = 0, sxy = 0;
-    for (int i = 0; i < BENCH_GRIDS; i++) {
-        double x = log(errors->row[i].samples), y = log(errors->row[i].rmse);
-        sx += x;
-        sy += y;
-        sxx += x * x;
-        sxy += x * y;
-    }
-    return (BENCH_GRIDS * sxy - sx * sy) / (BENCH_GRIDS * sxx - sx * sx);
-}
-
 int bench_error_run(const char *folder, const struct bench_scene *s, const struct bench_size *size,
                     struct bench_errors *errors, struct err *e) {
     char path[512];
@@ -182,7 +170,7 @@ int bench_error_run(const char *folder, const struct bench_scene *s, const struc
     }
     if (!status) {
         errors->reference_rmse = bench_floor(&reference);
-        errors->slope = slope_of(errors);
+        errors->slope = bench_slope(errors->row, BENCH_GRIDS);
     }
     bench_reference_free(&reference);
     scene_free(scene);

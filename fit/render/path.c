@@ -13,27 +13,54 @@ static struct vec3 draw_cosine(struct vec3 n, const double u[2]) {
     return vec3_add(across, vec3_scale(n, sqrt(1 - u[0])));
 }
 
+struct draws { /* of a direction, and how often each is taken; the rest by cosine */
+    struct aim_view view;
+    double facets, aims;
+};
+
+static void find_draws(const struct trace *t, const struct hit *hit, double cos_r, struct draws *d) {
+    aim_from(t->aim, hit, &d->view);
+    d->facets = energy_share(&t->energy[hit->paint], cos_r);
+    d->aims = d->view.n_sectors > 0 ? PATH_AIMS * (1 - d->facets) : 0;
+}
+
+/* Takes as many numbers wherever it is. */
+static bool draw(const struct trace *t, const struct draws *d, const struct hit *hit, struct vec3 v,
+                 struct sampler *sampler, struct vec3 *l) {
+    double choice[2], u[2];
+    sampler_2d(sampler, choice);
+    sampler_2d(sampler, u);
+    if (choice[0] < d->facets) {
+        return facet_sample(&t->scene->paint[hit->paint].drawn, hit->normal, v, u, l);
+    }
+    if (choice[0] < d->facets + d->aims) {
+        *l = aim_sample(&d->view, choice[1], u);
+    } else {
+        *l = draw_cosine(hit->normal, u);
+    }
+    return true;
+}
+
+static double density_of(const struct trace *t, const struct draws *d, const struct hit *hit, struct vec3 v,
+                         struct vec3 l) {
+    const struct shade_paint *drawn = &t->scene->paint[hit->paint].drawn;
+    double sum = (1 - d->facets - d->aims) * vec3_dot(hit->normal, l) / M_PI;
+    sum += d->facets > 0 ? d->facets * facet_density(drawn, hit->normal, v, l) : 0;
+    return sum + (d->aims > 0 ? d->aims * aim_density(&d->view, l) : 0);
+}
+
 /* A direction l, and what is scattered from it to v over its density; false: nothing is. */
 static bool scatter(const struct trace *t, const struct hit *hit, struct vec3 v, struct sampler *sampler,
                     struct vec3 *l, struct shade_abc *out, struct render_counts *counts) {
-    const struct shade_paint *p = &t->scene->paint[hit->paint].shade;
-    const struct energy *energy = &t->energy[hit->paint];
-    double cos_r = vec3_dot(hit->normal, v), share = energy_share(energy, cos_r), u[2];
-    double choice = share > 0 ? sampler_1d(sampler) : 1;
-    sampler_2d(sampler, u);
-    if (choice >= share) {
-        *l = draw_cosine(hit->normal, u);
-    } else if (!facet_sample(p, hit->normal, v, u, l)) {
+    double cos_r = vec3_dot(hit->normal, v);
+    struct draws d;
+    find_draws(t, hit, cos_r, &d);
+    if (!draw(t, &d, hit, v, sampler, l) || !(vec3_dot(hit->normal, *l) > SHADE_GRAZING)) {
         return false;
     }
-    double cos_i = vec3_dot(hit->normal, *l), density = (1 - share) * cos_i / M_PI;
-    if (!(cos_i > SHADE_GRAZING)) {
-        return false;
-    }
-    density += share > 0 ? share * facet_density(p, hit->normal, v, *l) : 0;
-    *out = shade(PATH_FEATURES, p, NULL, hit->normal, *l, v);
+    *out = shade(PATH_FEATURES, &t->scene->paint[hit->paint].shade, NULL, hit->normal, *l, v);
     counts->negative_diffuse += out->a < 0;
-    double weight = energy_scale(energy, cos_i, cos_r) / (M_PI * density);
+    double weight = trace_energy(t, hit, *l, v) / (M_PI * density_of(t, &d, hit, v, *l));
     *out = (struct shade_abc){weight * fmax(out->a, 0), weight * out->b, weight * out->c};
     return out->a > 0 || out->c > 0;
 }

@@ -79,6 +79,7 @@ struct parts { /* of one rendering, beside its planes */
     struct trace trace, beyond;
     struct trace_y *y;
     struct energy *energy;
+    struct aim *aim;
     bool random, paths;
 };
 
@@ -91,7 +92,8 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     x->trace.half = calloc(SCENE_PAINTS, sizeof *x->trace.half);
     x->y = x->random ? calloc(1, sizeof *x->y) : NULL;
     x->energy = x->paths ? prepare_energies(scene) : NULL;
-    if (!x->trace.half || (x->random && !x->y) || (x->paths && !x->energy)) {
+    x->aim = x->paths ? calloc(1, sizeof *x->aim) : NULL;
+    if (!x->trace.half || (x->random && !x->y) || (x->paths && !(x->energy && x->aim))) {
         return err_set(e, ERR_NOMEM, "no memory to render");
     }
     prepare_halves(&x->trace);
@@ -102,6 +104,10 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     x->beyond = x->trace;
     x->beyond.shade_features = PATH_FEATURES;
     x->beyond.energy = x->energy;
+    x->beyond.aim = x->aim;
+    if (x->paths) {
+        aim_make(x->aim, scene);
+    }
     x->trace.beyond = x->paths ? &x->beyond : NULL;
     return x->random ? prepare_y(scene, x->y, e) : 0;
 }
@@ -152,6 +158,7 @@ int render_planes(const struct scene *scene, const struct render_options *option
     free(x.trace.half);
     free(x.y);
     free(x.energy);
+    free(x.aim);
     report->threads = own.threads;
     report->trace_s = stopwatch_s() - started;
     report->trace_cpu_s = stopwatch_cpu_s() - cpu;

@@ -12,6 +12,7 @@
 #ifndef FIT_RENDER_TRACE_H
 #define FIT_RENDER_TRACE_H
 
+#include "fit/render/aim.h"
 #include "fit/render/energy.h"
 #include "fit/render/render.h"
 #include "fit/render/sampler.h"
@@ -34,6 +35,7 @@ struct trace { /* what the integrator may read; prepared once, shared by all thr
     const struct trace_y *y;                 /* where something is drawn */
     const struct trace *beyond;              /* the first bounce; NULL: there is only one */
     const struct energy *energy;             /* [paint]; beyond the first bounce alone */
+    const struct aim *aim;                   /* the same */
 };
 
 struct trace_sample {

@@ -17,7 +17,7 @@ static const char help[] =
     "  --csv, --plot  the rows of the errors; log-log, drawn by gnuplot\n"
     "  --quick        small pictures: whether it works, not how fast\n";
 
-static const struct bench_size whole = {100, 1000, 64, 5}, quick = {24, 60, 8, 1};
+static const struct bench_size whole = {100, 1000, 64, 5, 32, 32768}, quick = {24, 60, 8, 1, 8, 256};
 
 struct bench {
     const char *report, *csv, *plot;
@@ -84,7 +84,8 @@ static void print_head(const struct bench *b) {
             "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
             "- processor: %s, %ld of them; load average when it began: %s\n"
             "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
-            "- scenes: a cylinder in parallel light, orthographic. S3 to S5 (panel, fold, mesh) are not "
+            "- scenes: S1, S2 a cylinder in parallel light, orthographic; S4 a fold; S3 and S5 (panel, mesh) "
+            "are not "
             "rendered yet;\n"
             "  S6 is `goniorender stability`\n\n",
             GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", cpu,
@@ -149,6 +150,10 @@ static int bench_errors_of_all(const struct bench *b, struct err *e) {
     return status;
 }
 
+static const char *met(bool good) {
+    return good ? "met" : "not met";
+}
+
 static int time_one(const struct bench *b, int grid, const char *threads, struct bench_time *time,
                     struct err *e) {
     char scene[512], picture[128], report[128];
@@ -159,10 +164,6 @@ static int time_one(const struct bench *b, int grid, const char *threads, struct
                      "--threads",     (char *)threads, "--report", report, NULL};
     fprintf(stderr, "time of %d samples, %s threads ...\n", grid * grid, threads);
     return status ? status : bench_time_run(words, report, b->size->repeats, time, e);
-}
-
-static const char *met(bool good) {
-    return good ? "met" : "not met";
 }
 
 static int bench_times(const struct bench *b, struct err *e) {
@@ -311,6 +312,7 @@ static int run_all(struct bench *b, struct err *e) {
     }
     draw(b);
     fputc('\n', b->out);
+    status = status ? status : bench_fold_report(b->folder, b->size, b->out, e);
     status = status ? status : bench_times(b, e);
     status = status ? status : bench_parts(b, e);
     bench_grids(b);
@@ -329,7 +331,8 @@ static int open_files(struct bench *b, struct err *e) {
 }
 
 static void remove_folder(const char *folder) {
-    static const char *const names[] = {"s.csv", "p.png", "r.json", "c.pov", "pov.png"};
+    static const char *const names[] = {"s.csv",   "p.png",    "r.json",   "c.pov",
+                                        "pov.png", "fold.csv", "fold.yaml"};
     char path[512];
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         snprintf(path, sizeof path, "%s/%s", folder, names[i]);

@@ -83,6 +83,7 @@ struct walk { /* paths from the middle of the picture of a scene */
 
 static void walk_from(struct walk *w, struct scene *scene, enum energy_policy policy) {
     struct energy *energy = calloc(SCENE_PAINTS, sizeof *energy);
+    struct aim *aim = calloc(1, sizeof *aim);
     *w = (struct walk){.scene = scene};
     for (int p = 0; p < scene->n_paints; p++)
         energy_make(&energy[p], &scene->paint[p], policy);
@@ -90,7 +91,9 @@ static void walk_from(struct walk *w, struct scene *scene, enum energy_policy po
                               .shade_features = PATH_FEATURES,
                               .shadow_rays = true,
                               .half = calloc(SCENE_PAINTS, sizeof *w->trace.half),
-                              .energy = energy};
+                              .energy = energy,
+                              .aim = aim};
+    aim_make(aim, scene);
     struct ray ray = camera_ray(&scene->camera, 0.4 * scene->image.width, 0.5 * scene->image.height);
     assert_true(intersect_nearest(scene, &ray, &w->hit));
     w->v = vec3_scale(ray.direction, -1);
@@ -98,6 +101,7 @@ static void walk_from(struct walk *w, struct scene *scene, enum energy_policy po
 
 static void walk_free(struct walk *w) {
     free((void *)w->trace.energy);
+    free((void *)w->trace.aim);
     free(w->trace.half);
     scene_free(w->scene);
 }
