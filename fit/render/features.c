@@ -18,6 +18,7 @@ static const char *const names[FEATURES] = {
     [FEATURE_RANDOM] = "random samples",
     [FEATURE_FACETS] = "facet sampling",
     [FEATURE_MESHES] = "Embree",
+    [FEATURE_EACH_PICTURE] = "camera rays of each picture",
 };
 
 const char *feature_name(enum feature feature) {
@@ -311,6 +312,20 @@ static void decide_meshes(const struct scene *scene, struct features *f) {
     }
 }
 
+static void decide_pictures(const struct scene *scene, struct features *f) {
+    const struct scene_image *image = &scene->image;
+    size_t rays = (size_t)image->width * (size_t)image->height * (size_t)(image->grid * image->grid);
+    double mib = (double)rays * sizeof(struct hit) / (1 << 20);
+    if (scene->n_pictures == 1) {
+        decide(f, FEATURE_EACH_PICTURE, true, 0, "one picture");
+    } else if (rays * sizeof(struct hit) > FEATURES_HITS_MAX) {
+        decide(f, FEATURE_EACH_PICTURE, true, 0, "their hits would take %.0f MiB", mib);
+    } else {
+        decide(f, FEATURE_EACH_PICTURE, false, 0, "%d pictures from the hits of one, %.3g MiB",
+               scene->n_pictures, mib);
+    }
+}
+
 static void keep_all(struct features *f) {
     for (int i = 0; i < FEATURES; i++) {
         if (i != FEATURE_MESHES) {
@@ -338,6 +353,7 @@ void features_find(const struct scene *scene, bool all, struct features *feature
     decide_wavelengths(features);
     decide_random(scene, features);
     decide_facets(scene, features);
+    decide_pictures(scene, features);
 }
 
 double features_bound(const struct features *features) {

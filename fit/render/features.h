@@ -13,7 +13,8 @@
 
 #include "fit/render/scene.h"
 
-#define FEATURES_TOLERANCE 1e-6 /* of the radiance, below which a part may be left out */
+#define FEATURES_HITS_MAX (1ull << 30) /* bytes of hits that are kept for a series */
+#define FEATURES_TOLERANCE 1e-6        /* of the radiance, below which a part may be left out */
 
 enum feature {
     FEATURE_LIGHTS,         /* lights without power */
@@ -28,6 +29,7 @@ enum feature {
     FEATURE_RANDOM,          /* random samples of light and of paths, and the plane of their noise */
     FEATURE_FACETS,          /* directions drawn by the lobe, beside those to the light */
     FEATURE_MESHES,          /* Embree and its trees; loaded by the first mesh, never by --all-features */
+    FEATURE_EACH_PICTURE,    /* rays of the camera in every picture of a series of lights */
     FEATURES
 };
 

@@ -112,6 +112,23 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     return x->random ? prepare_y(scene, x->y, e) : 0;
 }
 
+/* A series without room for its hits meets them anew. */
+static void prepare_hits(struct trace *t, struct render_hits *hits) {
+    const struct scene_image *image = &t->scene->image;
+    size_t n = (size_t)image->width * (size_t)image->height * (size_t)(image->grid * image->grid);
+    if (hits->n != n) {
+        render_hits_free(hits);
+        hits->hit = malloc(n * sizeof *hits->hit);
+        hits->n = hits->hit ? n : 0;
+    }
+    t->hits = hits->hit ? hits : NULL;
+}
+
+void render_hits_free(struct render_hits *hits) {
+    free(hits->hit);
+    *hits = (struct render_hits){0};
+}
+
 static int make_planes(const struct parts *x, struct planes *planes, struct err *e) {
     const struct scene *scene = x->trace.scene;
     unsigned shade_features = x->trace.shade_features;
@@ -149,10 +166,16 @@ int render_planes(const struct scene *scene, const struct render_options *option
                                 .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
                                 .dark_lights = kept(&report->features, FEATURE_LIGHTS)}};
     *planes = (struct planes){0};
+    if (own.hits && !kept(&report->features, FEATURE_EACH_PICTURE)) {
+        prepare_hits(&x.trace, own.hits);
+    }
     int status = prepare(&x, &own, &report->features, e);
     status = status ? status : make_planes(&x, planes, e);
     trace_integrator *integrator = x.paths ? trace_path : x.random ? trace_area : trace_direct;
     status = status ? status : trace_run(&x.trace, integrator, &own, planes, &report->counts, e);
+    if (x.trace.hits) {
+        own.hits->known = !status && report->counts.rows_done == planes->height;
+    }
     report->samples = x.trace.repeats * scene->image.grid * scene->image.grid;
     report->noise_y = status ? 0 : noise_y(planes);
     free(x.trace.half);

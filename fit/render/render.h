@@ -20,11 +20,18 @@
 #include "fit/render/planes.h"
 #include "fit/render/scene.h"
 
+struct render_hits { /* what the camera's rays met, for the next pictures of a series; {0} before the first */
+    struct hit *hit; /* [pixel][ray of the pixel] */
+    size_t n;
+    bool known;
+};
+
 struct render_options {
     int threads;                         /* 0: as many as there are processors */
     bool all_features;                   /* nothing is left out */
     unsigned keep;                       /* bit 1 << enum feature: this one is not left out */
     bool progress;                       /* a bar on stderr */
+    struct render_hits *hits;            /* of a series: to be kept and used; or NULL */
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
 
@@ -68,6 +75,7 @@ int render_picture(const struct scene *scene, const struct planes *planes, bool 
 /* XYZ of every pixel, [3 * height * width], before exposure and adaptation. */
 int render_xyz(const struct scene *scene, const struct planes *planes, bool by_wavelength, double *xyz,
                struct err *e);
+void render_hits_free(struct render_hits *hits);
 void picture_free(struct picture *picture);
 
 #endif

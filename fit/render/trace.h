@@ -36,6 +36,7 @@ struct trace { /* what the integrator may read; prepared once, shared by all thr
     const struct trace *beyond;              /* the first bounce; NULL: there is only one */
     const struct energy *energy;             /* [paint]; beyond the first bounce alone */
     const struct aim *aim;                   /* the same */
+    struct render_hits *hits;                /* of a series; or NULL */
 };
 
 struct trace_sample {

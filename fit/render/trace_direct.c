@@ -3,11 +3,28 @@
 #include "fit/render/intersect.h"
 #include "fit/render/trace.h"
 
+/* Met anew, or as the first picture of a series met it. */
+static bool meet(const struct trace *t, const struct ray *ray, const struct trace_sample *sample,
+                 struct hit *hit, struct render_counts *counts) {
+    int rays = t->scene->image.grid * t->scene->image.grid;
+    struct hit *kept =
+        t->hits ? &t->hits->hit[(size_t)sample->pixel * (size_t)rays + (size_t)sample->index] : NULL;
+    if (kept && t->hits->known) {
+        *hit = *kept;
+        return hit->shape >= 0;
+    }
+    counts->camera_rays++;
+    bool met = intersect_nearest(t->scene, ray, hit);
+    if (kept) {
+        *kept = *hit;
+    }
+    return met;
+}
+
 bool trace_first(const struct trace *t, const struct ray *ray, struct hit *hit, struct trace_sample *sample,
                  struct render_counts *counts) {
-    counts->camera_rays++;
     sample->paint = -1;
-    if (!intersect_nearest(t->scene, ray, hit)) {
+    if (!meet(t, ray, sample, hit, counts)) {
         return false;
     }
     counts->hits++;

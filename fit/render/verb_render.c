@@ -255,8 +255,10 @@ static int render_one(const struct job *job, const char *path, struct err *e) {
     return status;
 }
 
-static int render_series(const struct job *job, struct err *e) {
+static int render_series(struct job *job, struct err *e) {
     int status = 0;
+    struct render_hits hits = {0};
+    job->options.render.hits = job->scene->n_pictures > 1 ? &hits : NULL;
     for (int k = 0; k < job->scene->n_pictures && !status; k++) {
         char path[4096];
         scene_aim(job->scene, k);
@@ -267,6 +269,7 @@ static int render_series(const struct job *job, struct err *e) {
         }
         status = render_one(job, path, e);
     }
+    render_hits_free(&hits);
     size_t n = json_array_size(job->reports);
     if (job->options.report && n > 0) {
         int written =

@@ -300,6 +300,41 @@ static void what_is_left_out_takes_no_memory_and_no_rays(void **state) {
     scene_free(scene);
 }
 
+/* The camera's rays are traced for the first picture alone; every picture has the same bits as by itself. */
+static void a_series_meets_the_scene_once(void **state) {
+    (void)state;
+    struct scene *scene =
+        scene_of(GREEN "shapes:\n"
+                       "  - cylinder: {material: m, radius_mm: 9, length_mm: 30, turn_deg: [0, 0, 17]}\n"
+                       "  - sphere: {material: k, radius_mm: 6, at_mm: [14, 3, 9]}\n"
+                       "lights: [beam: {theta_deg: [-70, 0, 50]}]\n"
+                       "camera: {perspective: {position_mm: [5, 9, 90], height_deg: 40}}\n"
+                       "image: {width: 40, height: 30, grid: 2}\n");
+    struct render_hits hits = {0};
+    size_t size = 1200 * sizeof(double);
+    for (int k = 0; k < 3; k++) {
+        struct planes p, q;
+        struct render_report kept, anew;
+        scene_aim(scene, k);
+        planes_of(scene, &(struct render_options){.threads = 1 + k % 2, .hits = &hits}, &p, &kept);
+        planes_of(scene, &(struct render_options){0}, &q, &anew);
+        assert_false(kept.features.line[FEATURE_EACH_PICTURE].kept);
+        assert_int_equal(kept.counts.camera_rays, k == 0 ? 4800 : 0);
+        assert_int_equal(kept.counts.hits, anew.counts.hits);
+        assert_memory_equal(p.set[0].a, q.set[0].a, size);
+        assert_memory_equal(p.set[0].c, q.set[0].c, size);
+        assert_int_equal(p.n_extra, q.n_extra);
+        planes_free(&p);
+        planes_free(&q);
+    }
+    scene->image.width = scene->image.height = 16384;
+    struct features features;
+    features_find(scene, false, &features);
+    assert_true(features.line[FEATURE_EACH_PICTURE].kept);
+    render_hits_free(&hits);
+    scene_free(scene);
+}
+
 static volatile sig_atomic_t cancelled = 1;
 
 static void cancelled_work_says_so(void **state) {
@@ -417,6 +452,7 @@ int main(void) {
         cmocka_unit_test(left_out_agrees_with_all_features),
         cmocka_unit_test(what_a_new_s_would_show_is_not_left_out),
         cmocka_unit_test(what_is_left_out_takes_no_memory_and_no_rays),
+        cmocka_unit_test(a_series_meets_the_scene_once),
         cmocka_unit_test(cancelled_work_says_so),
         cmocka_unit_test(empty_and_tiny_pictures),
         cmocka_unit_test(white_is_white),
