@@ -46,18 +46,33 @@ static void spread(struct axis *axis, double centre_deg, double width_deg) {
     }
 }
 
+/* A direction past the normal lies on the other side of it. */
+static int turned(struct reflectance_geometry *g, double theta_i_deg, double theta_r_deg, double dphi_deg,
+                  struct err *e) {
+    const bool over = (theta_i_deg < 0) != (theta_r_deg < 0);
+    return reflectance_geometry_general(g, fabs(theta_i_deg), fabs(theta_r_deg),
+                                        over ? fabs(dphi_deg) - 180 : dphi_deg, e);
+}
+
+/* dphi_deg NAN: in plane, by the signs of the angles. */
+static int geometry_at(struct reflectance_geometry *g, double i_deg, double v_deg, double dphi_deg,
+                       struct err *e) {
+    const double side = i_deg < 0 ? -1 : 1;
+    return isnan(dphi_deg) ? reflectance_geometry(g, side * i_deg, side * v_deg, e)
+                           : turned(g, i_deg, v_deg, dphi_deg, e);
+}
+
 /* Fills nodes of one geometry and their weights, which sum up to 1. */
-static int place(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
+static int place(const struct aperture_form *form, double theta_i_deg, double theta_v_deg, double dphi_deg,
                  struct reflectance_geometry *geometry, double *weight, struct err *e) {
     struct axis i, v;
-    int at = 0, status = reflectance_geometry(geometry, fabs(theta_i_deg), theta_v_deg, e);
+    int at = 0, status = geometry_at(geometry, theta_i_deg, theta_v_deg, dphi_deg, e);
     double sum = 0;
     spread(&i, theta_i_deg, form->source_width_deg);
     spread(&v, theta_v_deg, form->sensor_width_deg);
     for (int a = 0; a < i.rule->n && !status; a++) {
         for (int b = 0; b < v.rule->n && !status; b++, at++) {
-            double side = i.at_deg[a] < 0 ? -1 : 1;
-            status = reflectance_geometry(&geometry[at], side * i.at_deg[a], side * v.at_deg[b], e);
+            status = geometry_at(&geometry[at], i.at_deg[a], v.at_deg[b], dphi_deg, e);
             weight[at] = i.rule->w[a] * v.rule->w[b] *
                          cos(rad_from_deg(form->beam_in_view ? v.at_deg[b] : i.at_deg[a]));
             sum += weight[at];
@@ -99,8 +114,9 @@ int aperture_init(struct aperture *a, const struct aperture_form *form, size_t n
     }
     for (size_t i = 0; i < n && !status; i++) {
         size_t at = i * (size_t)a->nodes;
-        status = a->weight ? place(form, theta_i_deg[i], theta_v_deg[i], &a->geometry[at], &a->weight[at], e)
-                           : reflectance_geometry(&a->geometry[at], theta_i_deg[i], theta_v_deg[i], e);
+        status = a->weight
+                     ? place(form, theta_i_deg[i], theta_v_deg[i], NAN, &a->geometry[at], &a->weight[at], e)
+                     : reflectance_geometry(&a->geometry[at], theta_i_deg[i], theta_v_deg[i], e);
     }
     if (status) {
         aperture_free(a);
@@ -136,12 +152,23 @@ int aperture_move(struct aperture *a, size_t point, double theta_i_deg, double t
     if (fabs(theta_i_deg) >= 90 || fabs(theta_v_deg) >= 90) {
         return 0;
     }
-    int status = place(&a->form, theta_i_deg, theta_v_deg, &a->geometry[at], weight, e);
+    int status = place(&a->form, theta_i_deg, theta_v_deg, NAN, &a->geometry[at], weight, e);
     if (!status && !a->weight && factor != 1) {
         status = weigh_all(a, e);
     }
     for (int m = 0; m < a->nodes && a->weight && !status; m++) {
         a->weight[at + (size_t)m] = factor * weight[m];
+    }
+    return status;
+}
+
+int aperture_direct(struct aperture *a, size_t point, double theta_i_deg, double theta_r_deg, double dphi_deg,
+                    struct err *e) {
+    const size_t at = point * (size_t)a->nodes;
+    double weight[NODES_MAX];
+    int status = place(&a->form, theta_i_deg, theta_r_deg, dphi_deg, &a->geometry[at], weight, e);
+    for (int m = 0; m < a->nodes && a->weight && !status; m++) {
+        a->weight[at + (size_t)m] = weight[m];
     }
     return status;
 }
@@ -222,7 +249,7 @@ int aperture_at(const struct aperture_form *form, double theta_i_deg, double the
     struct reflectance_geometry geometry[NODES_MAX];
     double weight[NODES_MAX], node_beta[NODES_MAX], node_gradient[NODES_MAX * MATERIAL_PARAMETERS];
     const int nodes = nodes_of(form), k = reflectance_parameters(model);
-    int status = place(form, theta_i_deg, theta_v_deg, geometry, weight, e);
+    int status = place(form, theta_i_deg, theta_v_deg, NAN, geometry, weight, e);
     if (status || (status = reflectance_eval(model, (size_t)nodes, geometry, value, optics, node_beta,
                                              gradient ? node_gradient : NULL, e))) {
         return status;

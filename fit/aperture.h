@@ -9,7 +9,8 @@
  * the viewed part of it goes as cos(theta_v + b), which takes the place of cos(theta_i + a).
  * Sums are by Gauss-Legendre, 3 points an axis up to 1 deg, 4 up to 2, 5 beyond; the geometries are kept, since no
  * parameter moves them. Shares past the normal go on mirrored; what lies beyond 90 deg sees no surface and is left
- * out. Widths are those in the plane of incidence; what lies across it moves phi by its square only.
+ * out. Widths are those in the plane of incidence; what lies across it moves phi by its square only. A sensor out of
+ * that plane is as wide in its own, through it and the normal: its shares keep their azimuth.
  *
  * Shapes     as fit/reflectance.h; points first .. first + n - 1 of the set.
  * Domain     widths 0 .. 20 deg; both 0 is fit/reflectance_batch.h itself (aperture_at: reflectance_eval), to the bit.
@@ -65,6 +66,9 @@ int aperture_polarisation_slope(const struct aperture *a, enum reflectance_model
 /* A point is seen from elsewhere, and its value times factor; where that lies beyond 90 deg it stays. */
 int aperture_move(struct aperture *a, size_t point, double theta_i_deg, double theta_v_deg, double factor,
                   struct err *e);
+/* A point lies out of the plane of incidence: theta_r_deg >= 0, dphi_deg as fit/reflectance.h has it. */
+int aperture_direct(struct aperture *a, size_t point, double theta_i_deg, double theta_r_deg, double dphi_deg,
+                    struct err *e);
 /* A geometry that is in no set. theta_i_deg < 0 is the same seen from the other side. */
 int aperture_at(const struct aperture_form *form, double theta_i_deg, double theta_v_deg,
                 enum reflectance_model model, const double *value, const struct reflectance_optics *optics,

@@ -90,7 +90,7 @@ struct estimate_input {
      * of beta' stays: it is none of beta' but of A (coordinates.h). */
     const double (*bound)[2];
     /* Azimuth between source and sensor where a point lies out of the plane of incidence, 0 where it lies in it; then
-     * theta_v_deg is theta_r with the sign of its half space. NULL: all in plane. Not with angular widths. */
+     * theta_v_deg is theta_r with the sign of its half space. NULL: all in plane. */
     const double *delta_phi_deg;
     const double *band_cov_next; /* [n * BANDS] covariance of a band with the next one, NaN = none; or NULL */
     bool cross_validate;         /* estimate.loio is wanted */

@@ -170,22 +170,15 @@ bool problem_out_of_plane(const struct estimate_input *in, size_t i) {
     return in->delta_phi_deg && in->delta_phi_deg[i] != 0;
 }
 
-/* Out of the plane a point has one geometry, and the bench's axes nothing to do with it. */
+/* Out of the plane the bench's axes have nothing to do with a point. */
 static int set_directions(struct problem *p, struct err *e) {
     const struct estimate_input *in = p->input;
     int status = 0;
     for (size_t i = 0; i < p->n && !status; i++) {
-        if (!problem_out_of_plane(in, i)) {
-            continue;
+        if (problem_out_of_plane(in, i)) {
+            status = aperture_direct(&p->aperture, i, in->theta_i_deg[i], fabs(in->theta_v_deg[i]),
+                                     in->delta_phi_deg[i], e);
         }
-        status =
-            p->aperture.nodes > 1
-                ? err_set(e, ERR_RANGE,
-                          "point %zu lies out of the plane of incidence, where the angular widths of source "
-                          "and sensor are not known to act; leave them or the point out",
-                          i + 1)
-                : reflectance_geometry_general(&p->aperture.geometry[i], in->theta_i_deg[i],
-                                               fabs(in->theta_v_deg[i]), in->delta_phi_deg[i], e);
     }
     aperture_refill(&p->aperture);
     return status;

@@ -84,6 +84,82 @@ static void it_is_the_integral_over_both_widths(void **state) {
     check(4, 3, true);
 }
 
+struct direction {
+    double x, y, z;
+};
+
+static struct direction direction_at(double theta_deg, double azimuth_deg) {
+    const double s = sin(theta_deg * PER_DEG);
+    return (struct direction){s * cos(azimuth_deg * PER_DEG), s * sin(azimuth_deg * PER_DEG),
+                              cos(theta_deg * PER_DEG)};
+}
+
+static double general(const double *value, struct direction l, struct direction v) {
+    struct reflectance_geometry g;
+    double beta, between = atan2(l.x * v.y - l.y * v.x, l.x * v.x + l.y * v.y);
+    assert_int_equal(
+        reflectance_geometry_general(&g, acos(l.z) / PER_DEG, acos(v.z) / PER_DEG, between / PER_DEG, NULL),
+        0);
+    assert_int_equal(reflectance_eval(REFLECTANCE_COMPOSITE, 1, &g, value, OPTICS(1.4), &beta, NULL, NULL),
+                     0);
+    return beta;
+}
+
+/* As brute_force, of vectors: each direction turns in the plane through itself and the normal. */
+static double brute_force_across(const struct aperture_form *form, const double *value, const double *at) {
+    double light = 0, white = 0;
+    for (int a = 0; a < FINE; a++) {
+        const double i_deg = at[0] + form->source_width_deg * ((a + 0.5) / FINE - 0.5);
+        for (int b = 0; b < FINE && fabs(i_deg) < 90; b++) {
+            const double r_deg = at[1] + form->sensor_width_deg * ((b + 0.5) / FINE - 0.5);
+            if (fabs(r_deg) < 90) {
+                const double share = cos((form->beam_in_view ? r_deg : i_deg) * PER_DEG);
+                light += share * general(value, direction_at(i_deg, 0), direction_at(r_deg, at[2]));
+                white += share;
+            }
+        }
+    }
+    return light / white;
+}
+
+static double seen_across(const struct aperture_form *form, const double *value, const double *at) {
+    struct aperture a;
+    double beta;
+    assert_int_equal(aperture_init(&a, form, 1, &at[0], &at[1], NULL), 0);
+    assert_int_equal(aperture_direct(&a, 0, at[0], at[1], at[2], NULL), 0);
+    aperture_refill(&a);
+    assert_int_equal(aperture_eval(&a, 0, 1, REFLECTANCE_COMPOSITE, value, OPTICS(1.4), &beta, NULL, NULL),
+                     0);
+    aperture_free(&a);
+    return beta;
+}
+
+/* theta_i, theta_r, azimuth between them: near the mirror direction, past the normal, beyond 90 deg. */
+static void it_is_the_integral_out_of_plane_too(void **state) {
+    (void)state;
+    static const double across[][3] = {{40, 40, 175}, {40, 37, 170},  {60, 57, 176},  {30, 50, 90},
+                                       {0.2, 1, 120}, {1, 0.3, 60},   {30, 0.3, 150}, {0.4, 0.3, -30},
+                                       {70, 80, 178}, {55, 55, -165}, {30, 89.7, 45}, {89.8, 20, 100}};
+    const struct aperture_form forms[] = {{1, 1, false}, {2, 0.5, true}, {0, 2, false}, {4, 3, true}};
+    double worst = 0;
+    for (size_t k = 0; k < sizeof across / sizeof *across; k++) {
+        for (size_t f = 0; f < sizeof forms / sizeof *forms; f++) {
+            for (int set = 0; set < GONIOMETRY_SETS; set++) {
+                const double whole = brute_force_across(&forms[f], goniometry_set[set], across[k]);
+                worst = fmax(worst, fabs(seen_across(&forms[f], goniometry_set[set], across[k]) / whole - 1));
+            }
+        }
+    }
+    print_message("# out of plane: worst %.1e of the value\n", worst);
+    assert_true(worst < 3e-5);
+    for (int side = -1; side <= 1; side += 2) { /* where the azimuth says so it is the plane of incidence */
+        const double at[] = {40, 38, side > 0 ? 180 : 0};
+        assert_float_equal(seen_across(&forms[0], goniometry_set[0], at) /
+                               seen(&forms[0], goniometry_set[0], 40, side * 38),
+                           1, 1e-13);
+    }
+}
+
 static void without_widths_it_is_the_model_to_the_bit(void **state) {
     (void)state;
     struct goniometry m;
@@ -214,6 +290,7 @@ static void what_cannot_be_is_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(it_is_the_integral_over_both_widths),
+        cmocka_unit_test(it_is_the_integral_out_of_plane_too),
         cmocka_unit_test(without_widths_it_is_the_model_to_the_bit),
         cmocka_unit_test(exchange_of_source_and_sensor_changes_nothing),
         cmocka_unit_test(all_ways_to_ask_agree),
