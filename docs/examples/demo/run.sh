@@ -43,3 +43,4 @@ echo "The paper's Fig. 8, from these sessions:"
     --session "water-60=$GONIOD_SESSIONS/${sessions[2]}.gonio" \
     --session "water-90=$GONIOD_SESSIONS/${sessions[3]}.gonio" >"$out/fig8.txt"
 echo "$out/figures/fig8.png"
+/usr/bin/python3 "$jobs/trends.py" "$out/figures/fig8.png"
