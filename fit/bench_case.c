@@ -6,7 +6,6 @@
 
 #include "fit/dice.h"
 #include "fit/points.h"
-#include "fit/solve.h"
 #include "fit/start.h"
 
 #define NOISE_RELATIVE 0.005
@@ -140,6 +139,7 @@ int bench_case_settle(struct bench_case *c, struct err *e) {
     int status = solve_run(&c->p, c->start, NULL, &r, NULL, e);
     c->p.n++;
     memcpy(c->warm, r.x, sizeof c->warm);
+    c->left = r.last;
     if (!status && !(status = solve_by(SOLVE_QR, &c->p, c->start, NULL, &r, NULL, e))) {
         status = solve_run(&c->p, r.x, NULL, &r, NULL, e); /* the last digits */
     }

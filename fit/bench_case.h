@@ -13,8 +13,8 @@
 #include <stdint.h>
 
 #include "fit/fitset.h"
-#include "fit/problem.h"
 #include "fit/published.h"
+#include "fit/solve.h"
 
 struct bench_case {
     char name[48];
@@ -23,6 +23,7 @@ struct bench_case {
     bool has_truth;
     double truth[COORDINATES_MAX], start[COORDINATES_MAX];
     double warm[COORDINATES_MAX];    /* the optimum without the last point */
+    struct solve_pass left;          /* what TinySolver's fit without that point left */
     double optimum[COORDINATES_MAX]; /* set by bench_case_settle */
     double chi2;
 };

@@ -87,7 +87,9 @@ static void write_machine(FILE *md, const struct bench_results *r) {
             "- CPU: %s; kernel as wide as %s; load average at the end %.2f\n"
             "- compiler: gcc " __VERSION__ ", -O2; Linux %s\n"
             "- libraries: %s; %s\n"
-            "- cold: from the start, warm: from the optimum without the last point; medians of %d fits each, "
+            "- cold: from the start, warm: from the optimum without the last point (TinySolver keeps the "
+            "sums of its "
+            "last pass, the others have no use for them); medians of %d fits each, "
             "every fit "
             "timed by itself, geometry and weights ready (%.1f us for 198 points)\n\n",
             date, commit, cpu, width[reflectance_batch_width()], load[0], system.release,

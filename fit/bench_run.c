@@ -51,13 +51,23 @@ static struct bench_record begin(const struct bench_case *c, const char *solver,
     return record;
 }
 
-static int time_one(const struct bench_case *c, size_t of, const double *start, enum bench_what what,
-                    int repeats, struct bench_records *records, struct err *e) {
+/* Cold from the start; warm from the optimum without the last point, and TinySolver from what that fit left. */
+static int fit_once(const struct bench_case *c, enum solve_method method, enum bench_what what,
+                    struct solve_result *result, struct err *e) {
+    if (what == BENCH_WARM && method == SOLVE_TINY) {
+        memcpy(result->x, c->warm, sizeof result->x);
+        return solve_more(&c->p, &c->left, result, e);
+    }
+    return solve_by(method, &c->p, what == BENCH_WARM ? c->warm : c->start, NULL, result, NULL, e);
+}
+
+static int time_one(const struct bench_case *c, size_t of, enum bench_what what, int repeats,
+                    struct bench_records *records, struct err *e) {
     double t_us[REPEATS_MAX];
     struct solve_result result = {0};
     for (int i = -1; i < repeats; i++) { /* one more to warm up */
         const double begun = stopwatch_s();
-        int status = solve_by(ours[of].method, &c->p, start, NULL, &result, NULL, e);
+        int status = fit_once(c, ours[of].method, what, &result, e);
         if (status) {
             return status;
         }
@@ -90,8 +100,8 @@ int bench_run_ours(const struct bench_case *c, int repeats, struct bench_records
     int status = 0;
     repeats = repeats < REPEATS_MAX ? repeats : REPEATS_MAX;
     for (size_t i = 0; i < sizeof ours / sizeof *ours && !status; i++) {
-        if (!(status = time_one(c, i, c->start, BENCH_COLD, repeats, records, e)) &&
-            !(status = time_one(c, i, c->warm, BENCH_WARM, repeats, records, e))) {
+        if (!(status = time_one(c, i, BENCH_COLD, repeats, records, e)) &&
+            !(status = time_one(c, i, BENCH_WARM, repeats, records, e))) {
             status = trace_one(c, i, records, e);
         }
     }

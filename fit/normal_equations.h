@@ -6,7 +6,7 @@
  * Shapes     jtj[k * k] row by row, both triangles; jtr[k]; k columns of the model.
  * Promises   no allocation; the same inputs give the same bits.
  * Errors     -ERR_RANGE x stands for parameters outside the model's domain, or the cost is no number.
- * Checked    tests/unit/test_solve.c
+ * Checked    tests/unit/test_solve.c, test_refit.c
  */
 #ifndef FIT_NORMAL_EQUATIONS_H
 #define FIT_NORMAL_EQUATIONS_H
@@ -25,6 +25,12 @@ struct normal_equations {
 
 int normal_equations_form(const struct problem *p, const double *x, struct normal_equations *s,
                           struct err *e);
+/* The same, and second[k * k]: what J^T W J lacks of the second derivatives, where fit/curvature.h knows them. */
+int normal_equations_curved(const struct problem *p, const double *x, struct normal_equations *s,
+                            double *second, bool *known, struct err *e);
+/* Adds the points from first on to the sums of those before them; without nuisances, which tie all points together. */
+int normal_equations_add(const struct problem *p, const double *x, size_t first, struct normal_equations *s,
+                         struct err *e);
 
 #ifdef __cplusplus
 }

@@ -105,6 +105,22 @@ int reflectance_batch_eval_with(enum reflectance_width width, const struct refle
     return status;
 }
 
+int reflectance_batch_curve(const struct reflectance_batch *batch, size_t first, size_t n,
+                            enum reflectance_model model, const double *value,
+                            const struct reflectance_optics *optics, double *beta, double *slope,
+                            size_t stride, double *by_n_twice, struct err *e) {
+    struct reflectance_wide x;
+    struct reflectance_wide_view v;
+    int status = reflectance_check(model, value, optics, e);
+    if (!status) {
+        prepare(&x, model, value, optics);
+        view_of(&v, batch, first, n, model, beta, slope, stride);
+        v.by_n_twice = by_n_twice;
+        reflectance_wide_run(reflectance_batch_width(), model, &x, &v);
+    }
+    return status;
+}
+
 int reflectance_batch_eval(const struct reflectance_batch *batch, size_t first, size_t n,
                            enum reflectance_model model, const double *value,
                            const struct reflectance_optics *optics, double *beta, double *slope,

@@ -47,6 +47,11 @@ int reflectance_batch_eval(const struct reflectance_batch *batch, size_t first, 
                            enum reflectance_model model, const double *value,
                            const struct reflectance_optics *optics, double *beta, double *slope,
                            size_t stride, struct err *e);
+/* The same with d^2 beta / dn^2 beside it, where the model has one Gaussian lobe (eq1, composite); else it is left alone. */
+int reflectance_batch_curve(const struct reflectance_batch *batch, size_t first, size_t n,
+                            enum reflectance_model model, const double *value,
+                            const struct reflectance_optics *optics, double *beta, double *slope,
+                            size_t stride, double *by_n_twice, struct err *e);
 
 enum reflectance_width reflectance_batch_width(void); /* the widest of this processor */
 /* The same with a width of the caller's, which the processor must have. */

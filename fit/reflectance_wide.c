@@ -64,8 +64,8 @@ INLINE double log1p_positive(double u) {
     return e * LN2_HIGH + (2 * s + (2 * s * z * sum + (e * LN2_LOW + lost)));
 }
 
-struct value_slope { /* and for D, the derivative of its logarithm by tail in place of a second slope */
-    double value, slope, by_tail;
+struct value_slope { /* more: of D the derivative of its logarithm by tail, of F its second by n */
+    double value, slope, more;
 };
 
 INLINE struct value_slope gaussian(double phi_rad, double inverse_gamma) {
@@ -88,6 +88,20 @@ INLINE struct value_slope tailed(const struct lobe_tail *t, double phi_rad, doub
                                 (u < 0.5 ? series : direct) - t->bend * xs * inverse};
 }
 
+struct snell { /* of one geometry and index: root = sqrt(n^2 - sin^2), and inverses of what holds it */
+    double c, s2, by_sum, by_both, root_slope, by_root;
+};
+
+/* d^2 F / dn^2 through root: r and p = r t are the amplitudes of both polarisations. Costs nothing where it is not read. */
+INLINE double reflectance_curve(const struct reflectance_wide *x, double r, double t, const struct snell *y) {
+    double r1 = 2 * y->c * y->by_sum * y->by_sum, r2 = -2 * r1 * y->by_sum;
+    double t1 = 2 * y->c * y->s2 * y->by_both * y->by_both, t2 = -2 * y->c * t1 * y->by_both;
+    double p = r * t, p1 = r1 * t + r * t1, p2 = r2 * t + 2 * r1 * t1 + r * t2;
+    double first = x->perpendicular * r * r1 + x->parallel * p * p1;
+    double second = x->perpendicular * (r1 * r1 + r * r2) + x->parallel * (p1 * p1 + p * p2);
+    return second * y->root_slope * y->root_slope - first * y->s2 * y->by_root * y->by_root * y->by_root;
+}
+
 /* fresnel_reflectance with one division. */
 INLINE struct value_slope reflectance(const struct reflectance_wide *x, double c, double s2) {
     double root = sqrt(x->n2_1 + c * c), sum = root + c, cr = c * root, both = cr + s2;
@@ -98,7 +112,9 @@ INLINE struct value_slope reflectance(const struct reflectance_wide *x, double c
     double shape = x->perpendicular + x->parallel * (t * t);
     double rs_slope = 4 * c * r * n_by_root * by_sum * by_sum;
     double t_slope = 2 * s2 * c * n_by_root * by_both * by_both;
-    return (struct value_slope){0.5 * rs * shape, 0.5 * rs_slope * shape + rs * x->parallel * t * t_slope, 0};
+    return (struct value_slope){
+        0.5 * rs * shape, 0.5 * rs_slope * shape + rs * x->parallel * t * t_slope,
+        reflectance_curve(x, r, t, &(struct snell){c, s2, by_sum, by_both, n_by_root, inverse * sum * both})};
 }
 
 /* fresnel_transmittance over that at normal incidence; slope: of the logarithm. */
@@ -120,16 +136,16 @@ INLINE double scaled(double size, double log_slope) {
 
 enum specular_kind { NO_LOBE, GAUSSIAN, TAILED, TWO_LOBES };
 
-/* One model's loop: the last three arguments are constants, so that nothing is decided within it. */
+/* One model's loop: the last four arguments are constants, so that nothing is decided within it. */
 INLINE void loop(const struct reflectance_wide *at, const struct reflectance_wide_view *v, bool rough,
-                 bool transmitted, enum specular_kind specular) {
+                 bool transmitted, enum specular_kind specular, bool curved) {
     const struct reflectance_wide x = *at;
     const double *visibility = v->in[0], *phi_rad = v->in[1], *cos_q = v->in[2], *sin2_q = v->in[3];
     const double *direct = v->in[4], *interreflection = v->in[5], *cos_high = v->in[6], *cos_low = v->in[7];
     double *beta = v->beta, *by_s = v->slope[MATERIAL_S], *by_sigma = v->slope[MATERIAL_SIGMA];
     double *by_gamma = v->slope[MATERIAL_GAMMA], *by_height = v->slope[MATERIAL_BETA_PRIME];
     double *by_n = v->slope[MATERIAL_N], *by_1 = v->slope[MATERIAL_EXTRA_1],
-           *by_2 = v->slope[MATERIAL_EXTRA_2];
+           *by_2 = v->slope[MATERIAL_EXTRA_2], *by_n_twice = v->by_n_twice;
     const size_t n = v->n / REFLECTANCE_BATCH_LANES * REFLECTANCE_BATCH_LANES;
 #pragma GCC ivdep
     for (size_t i = 0; i < n; i++) {
@@ -161,7 +177,7 @@ INLINE void loop(const struct reflectance_wide *at, const struct reflectance_wid
             by_height[i] = unit;
             sum += first;
             if (specular == TAILED) {
-                by_1[i] = scaled(first, d.by_tail);
+                by_1[i] = scaled(first, d.more);
             }
             if (specular == TWO_LOBES) {
                 struct value_slope d2 = gaussian(phi_rad[i], x.inverse_gamma_2);
@@ -173,6 +189,9 @@ INLINE void loop(const struct reflectance_wide *at, const struct reflectance_wid
                 sum += second;
             }
             by_n[i] = slope_n;
+            if (curved) {
+                by_n_twice[i] = x.height * lobe * f.more;
+            }
         }
         beta[i] = sum;
     }
@@ -182,25 +201,25 @@ INLINE void all_models(enum reflectance_model model, const struct reflectance_wi
                        const struct reflectance_wide_view *v) {
     switch (model) {
     case REFLECTANCE_LAMBERT:
-        loop(x, v, false, false, NO_LOBE);
+        loop(x, v, false, false, NO_LOBE, false);
         break;
     case REFLECTANCE_OREN_NAYAR:
-        loop(x, v, true, false, NO_LOBE);
+        loop(x, v, true, false, NO_LOBE, false);
         break;
     case REFLECTANCE_EQ1:
-        loop(x, v, false, false, GAUSSIAN);
+        v->by_n_twice ? loop(x, v, false, false, GAUSSIAN, true) : loop(x, v, false, false, GAUSSIAN, false);
         break;
     case REFLECTANCE_COMPOSITE:
-        loop(x, v, true, false, GAUSSIAN);
+        v->by_n_twice ? loop(x, v, true, false, GAUSSIAN, true) : loop(x, v, true, false, GAUSSIAN, false);
         break;
     case REFLECTANCE_HEAVY_TAIL:
-        loop(x, v, true, false, TAILED);
+        loop(x, v, true, false, TAILED, false);
         break;
     case REFLECTANCE_TRANSMITTED:
-        loop(x, v, true, true, GAUSSIAN);
+        loop(x, v, true, true, GAUSSIAN, false);
         break;
     case REFLECTANCE_TWO_LOBE:
-        loop(x, v, true, false, TWO_LOBES);
+        loop(x, v, true, false, TWO_LOBES, false);
         break;
     case REFLECTANCE_MODELS:
         break;

@@ -21,6 +21,7 @@ struct reflectance_wide_view { /* columns of one call, all at its first point */
     size_t n;                  /* a multiple of the lanes */
     const double *in[REFLECTANCE_BATCH_COLUMNS];
     double *beta, *slope[MATERIAL_PARAMETERS]; /* by enum material_parameter */
+    double *by_n_twice;                        /* d^2 beta / dn^2 of one Gaussian lobe; NULL: not wanted */
 };
 
 void reflectance_wide_run(enum reflectance_width width, enum reflectance_model model,

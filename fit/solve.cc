@@ -81,6 +81,7 @@ int solve_inside(const struct problem *p, const bool *held, bool normal_equation
         if (!(rest.chi2 <= result->chi2)) {
             return 0;
         }
+        rest.last.n = 0;
         rest.handed_over = result->handed_over;
         rest.converged = rest.converged || result->converged;
         *result = rest;
@@ -103,16 +104,27 @@ int minimise(enum solve_method method, const struct problem *p, const bool *held
             return 0;
         }
     }
+    result->last.n = 0;
     return solve_inside(p, held, method == SOLVE_CHOLESKY, result, trace, e);
 }
 
 } // namespace
 
-int solve_by(enum solve_method method, const struct problem *p, const double *start, const bool *held,
-             struct solve_result *result, struct estimate_trace *trace, struct err *e) {
+namespace {
+
+/* known: all points' sums at the start, or NULL. */
+int attempt(enum solve_method method, const struct problem *p, const double *start, const bool *held,
+            const struct solve_pass *known, struct solve_result *result, struct estimate_trace *trace,
+            struct err *e) {
     try {
         int status = take_start(p, start, held, result, e);
-        if (status || (status = minimise(method, p, held, result, trace, e))) {
+        if (status) {
+            return status;
+        }
+        if (known) {
+            result->last = *known;
+        }
+        if ((status = minimise(method, p, held, result, trace, e))) {
             return status;
         }
         return std::isfinite(result->chi2) ? 0
@@ -122,6 +134,24 @@ int solve_by(enum solve_method method, const struct problem *p, const double *st
     } catch (const std::exception &x) {
         return err_set(e, ERR_FIT, "the solver failed: %s", x.what());
     }
+}
+
+} // namespace
+
+int solve_by(enum solve_method method, const struct problem *p, const double *start, const bool *held,
+             struct solve_result *result, struct estimate_trace *trace, struct err *e) {
+    return attempt(method, p, start, held, nullptr, result, trace, e);
+}
+
+int solve_more(const struct problem *p, const struct solve_pass *before, struct solve_result *result,
+               struct err *e) {
+    struct solve_pass known = *before;
+    if (known.n == 0 || known.n > p->n || p->nuisance.m > 0 ||
+        normal_equations_add(p, known.x, known.n, &known.sums, nullptr)) {
+        return solve_run(p, result->x, nullptr, result, nullptr, e);
+    }
+    known.n = p->n;
+    return attempt(SOLVE_TINY, p, known.x, nullptr, &known, result, nullptr, e);
 }
 
 int solve_run(const struct problem *p, const double *start, const bool *held, struct solve_result *result,

@@ -5,8 +5,10 @@
  * points: J = R, the Cholesky factor of a pass's J^T J, and r = R^-T J^T r with one more residual for the rest of
  * the cost. So its dense algebra is of k + 1 rows, and the pass is the only cost over the points; at a step that is
  * taken the pass of its trial serves again.
- * It ends before its last step is taken, once that step is small; the step is taken here, at no further pass.
- * Promises   no allocation. result->x is start and end, inside the bounds.
+ * It ends before its last step is taken, once that step is small; the step is taken here, at no further pass, and by the
+ * whole second derivatives where fit/curvature.h knows them: what it leaves is below 1e-9.
+ * A pass that is known already, result->last at result->x over all points, is not done again.
+ * Promises   no allocation. result->x is start and end, inside the bounds; result->last its last pass.
  * Returns    NULL settled; else why another solver should go on from result->x, in words.
  */
 #ifndef FIT_SOLVE_TINY_H
