@@ -23,8 +23,17 @@ struct bench_scene {
 extern const struct bench_scene bench_scene[];
 extern const int bench_scenes;
 
+struct bench_panel { /* a panel under a rectangle light: S3 */
+    const char *name;
+    double sigma, gamma, beta_prime, n;
+};
+
+extern const struct bench_panel bench_panel[];
+extern const int bench_panels;
+
 struct bench_size {
     int error_pixels, time_pixels; /* side of the pictures for errors and for times */
+    int panel_pixels;              /* of the panel, each seen at its centre */
     int reference_grid;            /* its samples a pixel: grid squared, in two halves */
     int repeats;                   /* of each timed process; the median counts */
     int fold_pixels, fold_samples; /* of the fold: side of the picture; paths a pixel of its reference */
@@ -49,6 +58,11 @@ struct bench_errors {
     double reference_rmse; /* half the distance of the two halves, over the mean Y: the floor */
     double slope;          /* of log rmse over log samples */
     double model_apart;    /* largest difference to fit/reflectance.h, at one sample a pixel */
+};
+
+struct bench_panel_errors {
+    struct bench_errors by[2]; /* by the light alone; by light and facets */
+    bool chosen;               /* which of them a picture takes */
 };
 
 struct bench_time { /* medians of whole processes */
@@ -83,6 +97,9 @@ double bench_floor(const struct bench_reference *r); /* half the distance of the
 double bench_slope(const struct bench_error *row, int n);
 int bench_error_run(const char *folder, const struct bench_scene *s, const struct bench_size *size,
                     struct bench_errors *errors, struct err *e);
+/* Reference: samples of its own over the light's area and over the lobe's facets, the model from angles. */
+int bench_panel_run(const char *folder, const struct bench_panel *s, const struct bench_size *size,
+                    struct bench_panel_errors *out, struct err *e);
 /* words: the program and its arguments; report: R.json that it writes, or NULL. */
 int bench_time_run(char *const *words, const char *report, int repeats, struct bench_time *time,
                    struct err *e);

@@ -250,8 +250,9 @@ struct features_facets features_facets(const struct scene *scene, int paint, int
             f.distance_mm = fmin(f.distance_mm, shape_distance_mm(&scene->shape[i], middle));
         }
     }
+    f.width_mm = 4 * f.gamma * f.distance_mm;
     bool glossy = exponent > 0 && isfinite(f.distance_mm);
-    f.drawn = glossy && (l->kind == LIGHT_ENVIRONMENT || f.gamma * f.distance_mm < f.size_mm);
+    f.drawn = glossy && (l->kind == LIGHT_ENVIRONMENT || f.width_mm < f.size_mm);
     return f;
 }
 
@@ -273,7 +274,7 @@ static void decide_facets(const struct scene *scene, struct features *f) {
     if (all == 0) {
         decide(f, FEATURE_FACETS, false, 0, "no light with extent");
     } else {
-        decide(f, FEATURE_FACETS, drawn > 0, 0, "gamma * distance < size of light for %d of %d", drawn, all);
+        decide(f, FEATURE_FACETS, drawn > 0, 0, "lobe narrower than the light for %d of %d", drawn, all);
     }
 }
 
@@ -290,8 +291,9 @@ void features_print_facets(const struct scene *scene, FILE *out) {
         if (l->kind == LIGHT_ENVIRONMENT) {
             fputs("light and facets, the light is all around\n", out);
         } else {
-            fprintf(out, "%s, gamma %.3g x %.3g mm %s its %.3g mm\n", f.drawn ? "light and facets" : "light",
-                    f.gamma, f.distance_mm, f.drawn ? "<" : ">=", f.size_mm);
+            fprintf(out, "%s, 4 gamma x %.3g mm = %.3g mm %s its %.3g mm\n",
+                    f.drawn ? "light and facets" : "light", f.distance_mm, f.width_mm,
+                    f.drawn ? "<" : ">=", f.size_mm);
         }
     }
 }

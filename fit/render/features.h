@@ -43,9 +43,12 @@ struct features {
     struct feature_line line[FEATURES];
 };
 
-struct features_facets { /* of one paint in one light */
-    bool drawn; /* by the lobe too: gamma * distance < size; else by the light alone, which then errs less */
-    double gamma, distance_mm, size_mm; /* the narrower lobe; the nearest that the light comes to the paint */
+/* Of one paint in one light. The full width at half maximum of what the lobe reflects is 4 gamma times the distance (facets
+ * lean by gamma to either side, and mirror by twice that): where it is at least the light's size the lobe is smooth over
+ * the light, and the light alone errs less (docs/render-report.md, S3). */
+struct features_facets {
+    bool drawn;                                   /* by the lobe's facets too: width_mm < size_mm */
+    double gamma, distance_mm, width_mm, size_mm; /* of the narrower lobe; where the light comes nearest */
 };
 
 void features_find(const struct scene *scene, bool all, struct features *features);

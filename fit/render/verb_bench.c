@@ -17,7 +17,7 @@ static const char help[] =
     "  --csv, --plot  the rows of the errors; log-log, drawn by gnuplot\n"
     "  --quick        small pictures: whether it works, not how fast\n";
 
-static const struct bench_size whole = {100, 1000, 64, 5, 32, 32768}, quick = {24, 60, 8, 1, 8, 256};
+static const struct bench_size whole = {100, 1000, 40, 64, 5, 32, 32768}, quick = {24, 60, 8, 8, 1, 8, 256};
 
 struct bench {
     const char *report, *csv, *plot;
@@ -84,25 +84,25 @@ static void print_head(const struct bench *b) {
             "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
             "- processor: %s, %ld of them; load average when it began: %s\n"
             "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
-            "- scenes: S1, S2 a cylinder in parallel light, orthographic; S4 a fold; S3 and S5 (panel, mesh) "
-            "are not "
-            "rendered yet;\n"
+            "- scenes: S1, S2 a cylinder in parallel light, orthographic; S3 a panel under a rectangle "
+            "light; S4 a "
+            "fold; S5 (mesh) is not rendered yet;\n"
             "  S6 is `goniorender stability`\n\n",
             GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", cpu,
             sysconf(_SC_NPROCESSORS_ONLN), load);
 }
 
-static void print_errors(const struct bench *b, const struct bench_scene *s, const struct bench_errors *x) {
+static void print_errors(const struct bench *b, const char *name, const struct bench_errors *x) {
     for (int i = 0; i < BENCH_GRIDS; i++) {
         const struct bench_error *r = &x->row[i];
         bool at_floor = x->reference_rmse > r->rmse / 10;
         fprintf(b->out,
-                "| %s | %d | %.2e%s | %.2e | %.2e | %.2e | %.2e | %.2e | %.3f | %.3f | %.2f | %.1e |\n",
-                s->name, r->samples, r->rmse, at_floor ? " at reference floor" : "", r->edge_rmse,
-                r->inner_rmse, r->relmse, r->largest, x->reference_rmse, r->de_mean, r->de_p95, r->de_largest,
+                "| %s | %d | %.2e%s | %.2e | %.2e | %.2e | %.2e | %.2e | %.3f | %.3f | %.2f | %.1e |\n", name,
+                r->samples, r->rmse, at_floor ? " at reference floor" : "", r->edge_rmse, r->inner_rmse,
+                r->relmse, r->largest, x->reference_rmse, r->de_mean, r->de_p95, r->de_largest,
                 1 / (r->relmse * r->trace_s));
         if (b->rows) {
-            fprintf(b->rows, "%s,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", s->name, r->samples,
+            fprintf(b->rows, "%s,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", name, r->samples,
                     r->rmse, r->edge_rmse, r->inner_rmse, r->relmse, r->largest, r->de_mean, r->de_p95,
                     r->de_largest, r->trace_s, x->reference_rmse);
         }
@@ -111,6 +111,10 @@ static void print_errors(const struct bench *b, const struct bench_scene *s, con
         fputs("\n\n", b->rows); /* gnuplot's next block */
     }
 }
+
+static const char *const columns = "| scene | samples | RMSE | at edges | inside | relMSE | max | floor | "
+                                   "DE2000 mean | 95 % | max | 1/(relMSE s) |\n"
+                                   "|---|---|---|---|---|---|---|---|---|---|---|---|\n";
 
 static int bench_errors_of_all(const struct bench *b, struct err *e) {
     struct bench_errors x[16];
@@ -122,10 +126,9 @@ static int bench_errors_of_all(const struct bench *b, struct err *e) {
             "halves, everything kept, summed by wavelengths. RMSE and max over the mean Y; relMSE with 1e-4 "
             "of the mean\n"
             "squared. 'floor' is half the distance of the reference's halves.\n\n"
-            "| scene | samples | RMSE | at edges | inside | relMSE | max | floor | DE2000 mean | 95 %% | max "
-            "| 1/(relMSE s) |\n"
-            "|---|---|---|---|---|---|---|---|---|---|---|---|\n",
-            b->size->error_pixels, b->size->error_pixels, b->size->reference_grid * b->size->reference_grid);
+            "%s",
+            b->size->error_pixels, b->size->error_pixels, b->size->reference_grid * b->size->reference_grid,
+            columns);
     if (b->rows) {
         fputs("scene,samples,rmse,edge_rmse,inner_rmse,relmse,max,de_mean,de_p95,de_max,trace_s,floor\n",
               b->rows);
@@ -134,7 +137,7 @@ static int bench_errors_of_all(const struct bench *b, struct err *e) {
         fprintf(stderr, "errors of %s ...\n", bench_scene[i].name);
         status = bench_error_run(b->folder, &bench_scene[i], b->size, &x[i], e);
         if (!status) {
-            print_errors(b, &bench_scene[i], &x[i]);
+            print_errors(b, bench_scene[i].name, &x[i]);
             apart = x[i].model_apart > apart ? x[i].model_apart : apart;
         }
     }
@@ -152,6 +155,37 @@ static int bench_errors_of_all(const struct bench *b, struct err *e) {
 
 static const char *met(bool good) {
     return good ? "met" : "not met";
+}
+
+static int bench_panels_of_all(const struct bench *b, struct err *e) {
+    struct bench_panel_errors x[16];
+    int status = 0;
+    fprintf(
+        b->out,
+        "## A panel under a rectangle light (S3)\n\n%d x %d points of a panel, at pixel centres, that "
+        "mirrors a "
+        "light\nof 60 x 60 mm 89 mm away; random samples of the light alone, and of light and facets with "
+        "the\n"
+        "weight of both. Reference %d jittered samples of either kind in two halves, with its own code for\n"
+        "light and lobe, the model by `fit/reflectance.h`, summed by wavelengths.\n\n%s",
+        b->size->panel_pixels, b->size->panel_pixels, b->size->reference_grid * b->size->reference_grid,
+        columns);
+    for (int i = 0; i < bench_panels && !status; i++) {
+        fprintf(stderr, "errors of the panel %s ...\n", bench_panel[i].name);
+        status = bench_panel_run(b->folder, &bench_panel[i], b->size, &x[i], e);
+        for (int k = 0; k < 2 && !status; k++) {
+            char name[64];
+            snprintf(name, sizeof name, "S3 %s %s%s", bench_panel[i].name, k ? "facets" : "light",
+                     x[i].chosen == k ? " (chosen)" : "");
+            print_errors(b, name, &x[i].by[k]);
+        }
+    }
+    fputs("\nSlope of log RMSE over log samples, chosen:", b->out);
+    for (int i = 0; i < bench_panels && !status; i++) {
+        fprintf(b->out, "%s %s %.2f", i ? "," : "", bench_panel[i].name, x[i].by[x[i].chosen].slope);
+    }
+    fputs("; -0.5 is what independent samples give.\n\n", b->out);
+    return status;
 }
 
 static int time_one(const struct bench *b, int grid, const char *threads, struct bench_time *time,
@@ -277,6 +311,31 @@ static void bench_grids(const struct bench *b) {
     }
 }
 
+/* Blocks first .. first + n - 1 of the rows; gnuplot takes the words of one string as titles. */
+static void draw_blocks(const struct bench *b, FILE *gnuplot, int first, int n, const char *(*name)(int)) {
+    fprintf(
+        gnuplot,
+        "plot for [i=0:%d] '%s' every ::(i==0%s) index i+%d using 11:3 with linespoints title '' . word('",
+        n - 1, b->csv, first ? "&&0" : "", first);
+    for (int i = 0; i < n; i++) {
+        for (const char *c = name(i); *c; c++) {
+            fputc(*c == ' ' ? '_' : *c, gnuplot);
+        }
+        fputc(' ', gnuplot);
+    }
+    fputs("', i+1) noenhanced\n", gnuplot);
+}
+
+static const char *cylinder_name(int i) {
+    return bench_scene[i].name;
+}
+
+static const char *panel_name(int i) {
+    static char name[64];
+    snprintf(name, sizeof name, "%s %s", bench_panel[i / 2].name, i % 2 ? "facets" : "light");
+    return name;
+}
+
 /* Without gnuplot there is no plot, and the report says nothing of one. */
 static void draw(const struct bench *b) {
     FILE *gnuplot = b->plot && b->csv ? popen("gnuplot 2>/dev/null", "w") : NULL;
@@ -285,20 +344,18 @@ static void draw(const struct bench *b) {
     }
     fprintf(
         gnuplot,
-        "set terminal svg size 720,480 background rgb 'white'\nset output '%s'\nset datafile separator ','\n"
+        "set terminal svg size 1200,480 background rgb 'white'\nset output '%s'\nset datafile separator ','\n"
         "set logscale xy\nset xlabel 'CPU time of tracing, s'\nset ylabel 'RMSE over the mean Y'\nset grid\n"
-        "plot for [i=0:%d] '%s' every ::(i==0) index i using 11:3 with linespoints title '' . word('",
-        b->plot, bench_scenes - 1, b->csv);
-    for (int i = 0; i < bench_scenes; i++) {
-        for (const char *c = bench_scene[i].name; *c; c++) {
-            fputc(*c == ' ' ? '_' : *c, gnuplot);
-        }
-        fputc(' ', gnuplot);
-    }
-    fputs("', i+1) noenhanced\n", gnuplot);
+        "set multiplot layout 1,2\nset title 'cylinder under a beam'\n",
+        b->plot);
+    draw_blocks(b, gnuplot, 0, bench_scenes, cylinder_name);
+    fputs("set title 'panel under a rectangle light (S3)'\n", gnuplot);
+    draw_blocks(b, gnuplot, bench_scenes, 2 * bench_panels, panel_name);
     if (pclose(gnuplot) == 0) {
         const char *slash = strrchr(b->plot, '/');
-        fprintf(b->out, "\n![RMSE against the CPU time of tracing, log-log, 1 to 64 samples](images/%s)\n",
+        fprintf(b->out,
+                "![RMSE against the CPU time of tracing, log-log: 1 to 64 samples, 4 to 256 of the "
+                "panel](images/%s)\n\n",
                 slash ? slash + 1 : b->plot);
     }
 }
@@ -306,6 +363,7 @@ static void draw(const struct bench *b) {
 static int run_all(struct bench *b, struct err *e) {
     print_head(b);
     int status = bench_errors_of_all(b, e);
+    status = status ? status : bench_panels_of_all(b, e);
     if (b->rows) {
         fclose(b->rows);
         b->rows = NULL;
@@ -331,8 +389,8 @@ static int open_files(struct bench *b, struct err *e) {
 }
 
 static void remove_folder(const char *folder) {
-    static const char *const names[] = {"s.csv",   "p.png",    "r.json",   "c.pov",
-                                        "pov.png", "fold.csv", "fold.yaml"};
+    static const char *const names[] = {"s.csv",   "p.png",    "r.json",    "c.pov",
+                                        "pov.png", "fold.csv", "fold.yaml", "panel.yaml"};
     char path[512];
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         snprintf(path, sizeof path, "%s/%s", folder, names[i]);
