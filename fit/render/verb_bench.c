@@ -313,10 +313,9 @@ static void bench_grids(const struct bench *b) {
 
 /* Blocks first .. first + n - 1 of the rows; gnuplot takes the words of one string as titles. */
 static void draw_blocks(const struct bench *b, FILE *gnuplot, int first, int n, const char *(*name)(int)) {
-    fprintf(
-        gnuplot,
-        "plot for [i=0:%d] '%s' every ::(i==0%s) index i+%d using 11:3 with linespoints title '' . word('",
-        n - 1, b->csv, first ? "&&0" : "", first);
+    const char *head = first == 0 ? "(i==0)" : "0"; /* the first block begins with the names of the columns */
+    fprintf(gnuplot, "plot for [i=0:%d] '%s' every ::%s index i+%d using 11:3 with linespoints title word('",
+            n - 1, b->csv, head, first);
     for (int i = 0; i < n; i++) {
         for (const char *c = name(i); *c; c++) {
             fputc(*c == ' ' ? '_' : *c, gnuplot);
@@ -345,7 +344,8 @@ static void draw(const struct bench *b) {
     fprintf(
         gnuplot,
         "set terminal svg size 1200,480 background rgb 'white'\nset output '%s'\nset datafile separator ','\n"
-        "set logscale xy\nset xlabel 'CPU time of tracing, s'\nset ylabel 'RMSE over the mean Y'\nset grid\n"
+        "set logscale xy\nset xlabel 'CPU time of tracing, s'\nset ylabel 'RMSE over the mean Y'\nset "
+        "grid\nset key outside\n"
         "set multiplot layout 1,2\nset title 'cylinder under a beam'\n",
         b->plot);
     draw_blocks(b, gnuplot, 0, bench_scenes, cylinder_name);
@@ -369,7 +369,6 @@ static int run_all(struct bench *b, struct err *e) {
         b->rows = NULL;
     }
     draw(b);
-    fputc('\n', b->out);
     status = status ? status : bench_fold_report(b->folder, b->size, b->out, e);
     status = status ? status : bench_times(b, e);
     status = status ? status : bench_parts(b, e);
