@@ -281,7 +281,12 @@ def test_bench_writes_its_report(folder):
                   "| sums over wavelengths |", "| 20 nm |"):
         assert words in report, words
     assert re.search(r"at most \d\.\de-1[0-9] apart", report), "shade.h and reflectance.h differ"
-    assert len([line for line in (folder / "r.csv").read_text().splitlines() if line]) == 1 + 6 * 4
+    rows = [line.split(",") for line in (folder / "r.csv").read_text().splitlines() if line]
+    assert len(rows) == 1 + 6 * 4 + 5 * 2 * 4
+    rmse = {(row[0], row[1]): float(row[2]) for row in rows[1:]}
+    # Narrow lobes need facets, a wide one the light alone, and each is what a picture takes.
+    assert 10 * rmse["S3 g .01 3000 facets (chosen)", "64"] < rmse["S3 g .01 3000 light", "64"]
+    assert rmse["S3 g .2 15.7 light (chosen)", "16"] < rmse["S3 g .2 15.7 facets", "16"]
     assert run("bench", "fast")[0] == 2
 
 
