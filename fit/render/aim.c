@@ -10,8 +10,9 @@ static void add(struct aim *aim, const struct aim_target *target) {
     aim->n++;
 }
 
-static void add_rectangle(struct aim *aim, int shape, struct vec3 middle, struct vec3 u, struct vec3 v) {
-    add(aim, &(struct aim_target){middle, u, v, vec3_length(vec3_add(u, v)), shape, true});
+static void add_rectangle(struct aim *aim, int shape, int paint, struct vec3 middle, struct vec3 u,
+                          struct vec3 v) {
+    add(aim, &(struct aim_target){middle, u, v, vec3_length(vec3_add(u, v)), shape, paint, true});
 }
 
 static void add_fold(struct aim *aim, int shape, const struct shape *s) {
@@ -19,7 +20,8 @@ static void add_fold(struct aim *aim, int shape, const struct shape *s) {
     for (int side = -1; side <= 1; side += 2) {
         struct vec3 along = frame_out(&s->frame, (struct vec3){side * s->fold.sine, 0, s->fold.cosine});
         struct vec3 x = vec3_scale(along, s->fold.width_mm / 2), middle = vec3_add(s->frame.at, x);
-        add_rectangle(aim, shape, middle, side > 0 ? x : y, side > 0 ? y : x);
+        int paint = s->paint_of[side > 0 && s->n_materials > 1];
+        add_rectangle(aim, shape, paint, middle, side > 0 ? x : y, side > 0 ? y : x);
     }
 }
 
@@ -31,7 +33,8 @@ void aim_make(struct aim *aim, const struct scene *scene) {
         if (s->kind == SHAPE_FOLD) {
             add_fold(aim, i, s);
         } else if (s->kind == SHAPE_RECTANGLE) {
-            add_rectangle(aim, i, s->frame.at, vec3_scale(s->frame.x, s->rectangle.width_mm / 2),
+            add_rectangle(aim, i, s->n_materials == 1 ? s->paint_of[0] : -1, s->frame.at,
+                          vec3_scale(s->frame.x, s->rectangle.width_mm / 2),
                           vec3_scale(s->frame.y, s->rectangle.height_mm / 2));
         } else {
             add(aim, &(struct aim_target){.middle = s->frame.at, .radius_mm = shape_reach_mm(s), .shape = i});
@@ -79,8 +82,9 @@ static double highest_between(struct vec3 a, struct vec3 b) {
     return t > 0 && t < 1 ? shade_most(end, cosine(vec3_add(a, vec3_scale(d, t)))) : end;
 }
 
-static double turn(double from, double to) { /* -pi .. pi */
-    return remainder(to - from, 2 * M_PI);
+static double turn(double from, double to) { /* of two azimuths in -pi .. pi; the same */
+    double d = to - from;
+    return d > M_PI ? d - 2 * M_PI : d < -M_PI ? d + 2 * M_PI : d;
 }
 
 static void finish(struct aim_sector *x, double azimuth, double half, double highest, double lowest) {
@@ -104,7 +108,7 @@ static bool rectangle_sector(const struct aim_target *target, const struct aim_v
     first = at = atan2(p[0].y, p[0].x);
     for (int i = 0; i < n; i++) {
         struct vec3 next = p[(i + 1) % n];
-        double azimuth = atan2(next.y, next.x);
+        double azimuth = i + 1 < n ? atan2(next.y, next.x) : first;
         sum += turn(at, azimuth);
         at = azimuth;
         left = shade_least(left, sum);
@@ -154,7 +158,7 @@ void aim_from(const struct aim *aim, const struct hit *hit, struct aim_view *vie
         }
         if (found) {
             view->area += x->area;
-            view->n_sectors++;
+            view->target[view->n_sectors++] = i;
         }
     }
 }

@@ -21,7 +21,7 @@
 struct aim_target {
     struct vec3 middle, u, v; /* u, v: half the sides of a rectangle; its front is u times v */
     double radius_mm;         /* of the sphere around it */
-    int shape;
+    int shape, paint;         /* -1: of several paints */
     bool flat;
 };
 
@@ -42,6 +42,7 @@ struct aim_view { /* from one point */
     struct vec3 n, s, t;
     int n_sectors;
     struct aim_sector sector[AIM_TARGETS];
+    int target[AIM_TARGETS]; /* of each sector */
     double area;
 };
 

@@ -29,6 +29,7 @@ struct fold { /* the scene, and what both its renderings and its reference need 
     struct scene *scene;
     struct energy energy;
     struct aim aim;
+    struct glints glints;
     struct shade_half half[SCENE_PAINTS][SCENE_LIGHTS]; /* not read: nothing is hoisted */
     double weight[BANDS][3];                            /* of a band's radiance in X, Y, Z */
 };
@@ -234,8 +235,10 @@ static int render_hero(struct fold *f, int samples, bool direct, double *xyz, do
                       .half = f->half,
                       .energy = &f->energy,
                       .aim = &f->aim,
+                      .glints = &f->glints,
                       .repeats = samples};
     aim_make(&f->aim, f->scene);
+    glint_make(&f->glints, f->scene, &f->aim, &f->energy);
     for (int i = 0; i < f->scene->image.width * f->scene->image.height; i++) {
         hero_pixel(f, &t, i, samples, direct, xyz + 3L * i);
     }

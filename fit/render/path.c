@@ -15,13 +15,16 @@ static struct vec3 draw_cosine(struct vec3 n, const double u[2]) {
 
 struct draws { /* of a direction, and how often each is taken; the rest by cosine */
     struct aim_view view;
-    double facets, aims;
+    struct glint_view glints;
+    double facets, flashes, aims;
 };
 
 static void find_draws(const struct trace *t, const struct hit *hit, double cos_r, struct draws *d) {
     aim_from(t->aim, hit, &d->view);
     d->facets = energy_share(&t->energy[hit->paint], cos_r);
-    d->aims = d->view.n_sectors > 0 ? PATH_AIMS * (1 - d->facets) : 0;
+    glint_from(t->glints, &d->view, &d->glints);
+    d->flashes = d->glints.share * (1 - d->facets);
+    d->aims = d->view.n_sectors > 0 ? PATH_AIMS * (1 - d->facets - d->flashes) : 0;
 }
 
 /* Takes as many numbers wherever it is. */
@@ -33,7 +36,10 @@ static bool draw(const struct trace *t, const struct draws *d, const struct hit 
     if (choice[0] < d->facets) {
         return facet_sample(&t->scene->paint[hit->paint].drawn, hit->normal, v, u, l);
     }
-    if (choice[0] < d->facets + d->aims) {
+    if (choice[0] < d->facets + d->flashes) {
+        return glint_sample(&d->glints, choice[1], u, l);
+    }
+    if (choice[0] < d->facets + d->flashes + d->aims) {
         *l = aim_sample(&d->view, choice[1], u);
     } else {
         *l = draw_cosine(hit->normal, u);
@@ -44,8 +50,9 @@ static bool draw(const struct trace *t, const struct draws *d, const struct hit 
 static double density_of(const struct trace *t, const struct draws *d, const struct hit *hit, struct vec3 v,
                          struct vec3 l) {
     const struct shade_paint *drawn = &t->scene->paint[hit->paint].drawn;
-    double sum = (1 - d->facets - d->aims) * vec3_dot(hit->normal, l) / M_PI;
+    double sum = (1 - d->facets - d->flashes - d->aims) * vec3_dot(hit->normal, l) / M_PI;
     sum += d->facets > 0 ? d->facets * facet_density(drawn, hit->normal, v, l) : 0;
+    sum += d->flashes > 0 ? d->flashes * glint_density(&d->glints, l) : 0;
     return sum + (d->aims > 0 ? d->aims * aim_density(&d->view, l) : 0);
 }
 

@@ -7,8 +7,9 @@
  * a_m, b_m, c_m: scattered over the density of its direction, S of the paint it was scattered by; the last bracket: the
  * direct light of the surface reached, S of its paint.
  *
- * Directions in one of three ways, with the exact density of all together: as the lobe's facets reflect (facet.h), as
- *            often as energy.h says; else at other surfaces (aim.h), and by the cosine to the normal.
+ * Directions in one of four ways, with the exact density of all together: as the lobe's facets reflect (facet.h), as
+ *            often as energy.h says; else where flat surfaces mirror a light (glint.h), at other surfaces (aim.h), and
+ *            by the cosine to the normal.
  * Length     scene->image.bounces surfaces, the first included. Beyond PATH_SURE steps a path goes on by chance
  *            (probability at most PATH_GOES_ON), weighted for those that did not.
  * Promises   the mean over samples of r is that of all paths: no bias. Negative diffuse terms are set to 0 and counted.
@@ -27,7 +28,7 @@
 #define PATH_FEATURES                                                                                        \
     (SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES) /* half vectors are those of each direction */
 #define PATH_GOES_ON 0.95
-#define PATH_AIMS 0.9 /* of what is not drawn by facets */
+#define PATH_AIMS 0.9 /* of what is not drawn by lobes */
 
 struct path_step {
     int from, to;                        /* paints */

@@ -80,6 +80,7 @@ struct parts { /* of one rendering, beside its planes */
     struct trace_y *y;
     struct energy *energy;
     struct aim *aim;
+    struct glints *glints;
     bool random, paths;
 };
 
@@ -93,7 +94,8 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     x->y = x->random ? calloc(1, sizeof *x->y) : NULL;
     x->energy = x->paths ? prepare_energies(scene) : NULL;
     x->aim = x->paths ? calloc(1, sizeof *x->aim) : NULL;
-    if (!x->trace.half || (x->random && !x->y) || (x->paths && !(x->energy && x->aim))) {
+    x->glints = x->paths ? calloc(1, sizeof *x->glints) : NULL;
+    if (!x->trace.half || (x->random && !x->y) || (x->paths && !(x->energy && x->aim && x->glints))) {
         return err_set(e, ERR_NOMEM, "no memory to render");
     }
     prepare_halves(&x->trace);
@@ -105,8 +107,10 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     x->beyond.shade_features = PATH_FEATURES;
     x->beyond.energy = x->energy;
     x->beyond.aim = x->aim;
+    x->beyond.glints = x->glints;
     if (x->paths) {
         aim_make(x->aim, scene);
+        glint_make(x->glints, scene, x->aim, x->energy);
     }
     x->trace.beyond = x->paths ? &x->beyond : NULL;
     return x->random ? prepare_y(scene, x->y, e) : 0;
@@ -182,6 +186,7 @@ int render_planes(const struct scene *scene, const struct render_options *option
     free(x.y);
     free(x.energy);
     free(x.aim);
+    free(x.glints);
     report->threads = own.threads;
     report->trace_s = stopwatch_s() - started;
     report->trace_cpu_s = stopwatch_cpu_s() - cpu;

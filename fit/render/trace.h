@@ -12,8 +12,7 @@
 #ifndef FIT_RENDER_TRACE_H
 #define FIT_RENDER_TRACE_H
 
-#include "fit/render/aim.h"
-#include "fit/render/energy.h"
+#include "fit/render/glint.h"
 #include "fit/render/render.h"
 #include "fit/render/sampler.h"
 
@@ -36,6 +35,7 @@ struct trace { /* what the integrator may read; prepared once, shared by all thr
     const struct trace *beyond;              /* the first bounce; NULL: there is only one */
     const struct energy *energy;             /* [paint]; beyond the first bounce alone */
     const struct aim *aim;                   /* the same */
+    const struct glints *glints;             /* the same */
     struct render_hits *hits;                /* of a series; or NULL */
 };
 

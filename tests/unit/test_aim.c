@@ -6,9 +6,10 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "fit/render/aim.h"
+#include "fit/render/glint.h"
 #include "fit/render/intersect.h"
 #include "fit/render/sampler.h"
+#include "proto/units.h"
 #include "tests/support/render_scene.h"
 
 static const char *const scenes[] = {
@@ -99,6 +100,53 @@ static void what_is_seen_is_aimed_at(void **state) {
     }
 }
 
+/* Over all directions a glint's density holds 1, what is drawn follows it, and it is strongest where the mirror is. */
+static void a_glint_is_where_the_mirror_is(void **state) {
+    (void)state;
+    enum { N = 1 << 16 };
+    struct scene *scene =
+        scene_of("materials:\n  - {name: m, uniform: 0.3, gamma: 0.2, beta_prime: 15.7, n: 1.7}\n"
+                 "  - {name: k, uniform: 0.3, model: lambert}\n"
+                 "shapes: [fold: {materials: [k, m], width_mm: 20, length_mm: 30}]\n"
+                 "lights: [beam: {theta_deg: -20}]\ncamera: {orthographic: {height_mm: 60}}\n");
+    struct energy energy[2];
+    struct aim aim;
+    struct glints glints;
+    struct aim_view seen;
+    struct glint_view view;
+    struct hit hit = {.position = {-10, 0, 10}, .normal = {M_SQRT1_2, 0, M_SQRT1_2}, .shape = 0};
+    double whole = 0, moment = 0, drawn = 0;
+    for (int p = 0; p < 2; p++)
+        energy_make(&energy[p], &scene->paint[p], ENERGY_SCALE);
+    aim_make(&aim, scene);
+    glint_make(&glints, scene, &aim, energy);
+    assert_int_equal(glints.n, 1); /* the other side has no lobe */
+    aim_from(&aim, &hit, &seen);
+    glint_from(&glints, &seen, &view);
+    assert_int_equal(view.n, 1);
+    for (uint32_t n = 0; n < N; n++) {
+        struct sampler sampler;
+        double u[2];
+        struct vec3 l;
+        sampler_start(&sampler, 7, 0, n);
+        sampler_2d(&sampler, u);
+        double z = 2 * u[0] - 1, r = sqrt(1 - z * z);
+        struct vec3 even = {r * cos(2 * M_PI * u[1]), r * sin(2 * M_PI * u[1]), z};
+        whole += 4 * M_PI * glint_density(&view, even) / N;
+        moment += 4 * M_PI * glint_density(&view, even) * even.x * even.x / N;
+        sampler_2d(&sampler, u);
+        assert_true(glint_sample(&view, 0.5, u, &l) && glint_density(&view, l) > 0);
+        drawn += l.x * l.x / N;
+    }
+    if (!(fabs(whole - 1) < 0.01 && fabs(drawn - moment) < 0.01))
+        fail_msg("density holds %g, second moment %g drawn and %g by density", whole, drawn, moment);
+    /* Light from (-sin 20, 0, cos 20), mirrored at (-1, 0, 1)/sqrt 2, leaves along (-cos 20, 0, sin 20): seen from there. */
+    struct vec3 mirror = {cos(rad_from_deg(20)), 0, -sin(rad_from_deg(20))};
+    struct vec3 beside = {cos(rad_from_deg(40)), 0, -sin(rad_from_deg(40))};
+    assert_true(glint_density(&view, mirror) > glint_density(&view, beside));
+    scene_free(scene);
+}
+
 static void many_shapes_are_not_aimed_at(void **state) {
     (void)state;
     struct scene *scene = scene_number(0);
@@ -122,6 +170,7 @@ static void many_shapes_are_not_aimed_at(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_seen_is_aimed_at),
+        cmocka_unit_test(a_glint_is_where_the_mirror_is),
         cmocka_unit_test(many_shapes_are_not_aimed_at),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -84,6 +84,7 @@ struct walk { /* paths from the middle of the picture of a scene */
 static void walk_from(struct walk *w, struct scene *scene, enum energy_policy policy) {
     struct energy *energy = calloc(SCENE_PAINTS, sizeof *energy);
     struct aim *aim = calloc(1, sizeof *aim);
+    struct glints *glints = calloc(1, sizeof *glints);
     *w = (struct walk){.scene = scene};
     for (int p = 0; p < scene->n_paints; p++)
         energy_make(&energy[p], &scene->paint[p], policy);
@@ -92,8 +93,10 @@ static void walk_from(struct walk *w, struct scene *scene, enum energy_policy po
                               .shadow_rays = true,
                               .half = calloc(SCENE_PAINTS, sizeof *w->trace.half),
                               .energy = energy,
-                              .aim = aim};
+                              .aim = aim,
+                              .glints = glints};
     aim_make(aim, scene);
+    glint_make(glints, scene, aim, energy);
     struct ray ray = camera_ray(&scene->camera, 0.4 * scene->image.width, 0.5 * scene->image.height);
     assert_true(intersect_nearest(scene, &ray, &w->hit));
     w->v = vec3_scale(ray.direction, -1);
@@ -102,6 +105,7 @@ static void walk_from(struct walk *w, struct scene *scene, enum energy_policy po
 static void walk_free(struct walk *w) {
     free((void *)w->trace.energy);
     free((void *)w->trace.aim);
+    free((void *)w->trace.glints);
     free(w->trace.half);
     scene_free(w->scene);
 }
