@@ -321,35 +321,6 @@ static void put_drift(FILE *out, const struct question *q) {
     fputc(']', out);
 }
 
-static double u_repeat_deg(const struct campaign *c, enum stage_axis which) {
-    return instruments_u_repeat_deg(c->setup.config, which, c->instruments.profile[which]);
-}
-
-static json_t *polarisation_of(const struct config *k) {
-    switch (k->optics.polarisation) {
-    case POLARISATION_STATED:
-        return json_pack("{s:f, s:f}", "value", k->optics.polarisation_p, "u", k->optics.u_polarisation);
-    case POLARISATION_DEPOLARISED:
-        return json_string("depolarised");
-    default:
-        return json_string("unknown");
-    }
-}
-
-/* The settings of a question, which also go into the session: `goniofit fit S` asks the same. */
-json_t *campaign_fit_setup(const struct campaign *c) {
-    const struct config *k = c->setup.config;
-    bool beam_in_view = k->optics.filling == FILLING_BEAM_IN_VIEW;
-    return json_pack(
-        "{s:s, s:[i,i], s:f, s:f, s:f, s:f, s:f, s:f, s:o, s:s, s:s, s:b}", "model", c->job->fit_model,
-        "mean_nm", c->job->mean_nm[0], c->job->mean_nm[1], "u_repeat_source_deg",
-        u_repeat_deg(c, STAGE_SOURCE), "u_repeat_sample_deg", u_repeat_deg(c, STAGE_SAMPLE),
-        "u_zero_source_deg", k->source.u_zero_deg, "u_zero_sample_deg", k->sample.u_zero_deg,
-        "source_width_deg", k->optics.source_width_deg, "sensor_width_deg", k->optics.sensor_width_deg,
-        "polarisation", polarisation_of(k), "filling", beam_in_view ? "beam-in-view" : "view-in-beam",
-        "reference", job_mode_name(c->job->reference.mode), "q_is_one", 0);
-}
-
 static char *question_text(struct campaign *c, const struct question *q) {
     char *text = NULL;
     size_t size = 0;
@@ -408,6 +379,13 @@ static void store_joint(struct campaign *c, const struct measured *m, const json
     joint_free(&joint);
 }
 
+static void store_models(struct campaign *c, const struct measured *m, const json_t *models) {
+    char *text = models ? json_dumps(models, JSON_COMPACT | JSON_REAL_PRECISION(17)) : NULL;
+    if (text)
+        writer_models(c->writer, m->file, text);
+    free(text);
+}
+
 static void answered(void *arg, const json_t *reply, const struct err *e) {
     struct campaign *c = arg;
     struct measured *m = &c->measured[c->fit_sample];
@@ -424,6 +402,7 @@ static void answered(void *arg, const json_t *reply, const struct err *e) {
         writer_estimate(c->writer, m->file, campaign_now_us(c), c->fit_last_point, &m->estimate);
         store_slopes(c, m, json_object_get(reply, "axis_slopes"));
         store_joint(c, m, json_object_get(reply, "joint"));
+        store_models(c, m, json_object_get(reply, "models"));
         campaign_event(
             c, "estimate", true,
             json_pack("{s:s, s:o}", "session", m->name, "estimate", estimate_to_json(&m->estimate)));

@@ -15,6 +15,7 @@
 
 #include "proto/certificate.h"
 #include "proto/err.h"
+#include "proto/material.h"
 #include "proto/yaml.h"
 
 #define JOB_SAMPLES 16
@@ -77,7 +78,8 @@ struct job {
     struct job_exposure exposure;
     struct job_reference reference;
     struct certificate certificate;
-    char fit_model[24];
+    char fit_model[24]; /* or "all" */
+    enum material_loss fit_loss;
     char *text;                /* as sent, for the session */
     struct yaml_places places; /* where each key was written, for contradictions found later */
 };

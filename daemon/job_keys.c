@@ -13,8 +13,9 @@
 #define GRAZING_DEG 89.0 /* a spot at 89 deg is already 57 times its width */
 
 static const char *const modes[] = {"fixed", "per_incidence", "every_geometry", "start_end", NULL};
-static const char *const models[] = {"lambert",    "oren-nayar",  "eq1",      "composite",
-                                     "heavy-tail", "transmitted", "two-lobe", NULL};
+static const char *const models[] = {"lambert",     "oren-nayar", "eq1", "composite", "heavy-tail",
+                                     "transmitted", "two-lobe",   "all", NULL};
+static const char *const losses[] = {"ml", "ols", "log", "cuberoot", "cosine", NULL}; /* enum material_loss */
 
 const char *job_mode_name(enum job_reference_mode mode) {
     return modes[mode];
@@ -255,7 +256,13 @@ static const struct yaml_key reference_keys[] = {
 
 static const struct yaml_key fit_keys[] = {
     YAML_TEXT("model", AT(fit_model), .default_text = "composite",
-              .doc = "lambert, oren-nayar, eq1, composite, heavy-tail, transmitted or two-lobe"),
+              .doc =
+                  "lambert, oren-nayar, eq1, composite, heavy-tail, transmitted or two-lobe; all: composite "
+                  "while measuring, at the end all of them, ranked"),
+    YAML_WORD("loss", AT(fit_loss), losses, .default_text = "ml",
+              .doc =
+                  "what is minimised: ml (residuals over their u), ols (the paper's Eq. 6), log, cuberoot or "
+                  "cosine"),
     {0}};
 
 const struct yaml_key job_keys[] = {

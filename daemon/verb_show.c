@@ -1,6 +1,7 @@
 /* show: what a session holds, for a person, as one JSON object, or every row of it. */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "daemon/session_text.h"
 #include "daemon/verb_session.h"
@@ -13,6 +14,7 @@ struct shown {
     json_t *sample; /* may be NULL */
     char state[32];
     bool has_estimate, has_joint;
+    json_t *models; /* of the estimate, or NULL */
     struct joint joint;
     struct estimate estimate;
     int64_t saturated;
@@ -32,6 +34,15 @@ static int take_linearity(void *arg, const struct linearity *l) {
     return 0;
 }
 
+/* What is no list is no comparison: damage, which verify finds. */
+static int load_models(struct shown *w, struct err *e) {
+    char *text = NULL;
+    int rc = session_last_models(w->s, &text, e);
+    w->models = text ? json_loads(text, 0, NULL) : NULL;
+    free(text);
+    return rc;
+}
+
 static int load(struct shown *w, struct err *e) {
     int rc = session_get_summary(w->s, &w->summary, e);
     if (rc == 0)
@@ -46,6 +57,8 @@ static int load(struct shown *w, struct err *e) {
         rc = session_last_estimate(w->s, &w->estimate, e);
         w->has_estimate = rc == 0;
     }
+    if (rc == 0)
+        rc = load_models(w, e);
     if (rc == 0)
         w->has_joint = session_last_joint(w->s, &w->joint, NULL) == 0;
     return rc;
@@ -101,6 +114,15 @@ static void print_parameter(const struct estimate *m, int k) {
                sqrt(common));
 }
 
+static void print_found(const struct estimate *m) {
+    if (m->minimised != MATERIAL_LOSS_ML)
+        printf("    minimised    %s\n", material_loss_name(m->minimised));
+    if (m->u_mirror_offset_deg > 0)
+        printf("    mirror       off by %.4f deg, u %.4f\n", m->mirror_offset_deg, m->u_mirror_offset_deg);
+    if (m->polarisation != 0 || m->u_polarisation > 0)
+        printf("    polarisation %12.4f   u %.4f\n", m->polarisation, m->u_polarisation);
+}
+
 static void print_estimate(const struct estimate *m) {
     if (!m->converged) {
         printf("  estimate   none: %s\n", m->refusal);
@@ -111,8 +133,26 @@ static void print_estimate(const struct estimate *m) {
            m->kappa, m->q);
     for (int k = 0; k < MATERIAL_PARAMETERS; k++)
         print_parameter(m, k);
+    print_found(m);
     for (int i = 0; i < m->n_warnings; i++)
         printf("    note: %s\n", m->warning[i]);
+}
+
+static void print_models(const json_t *models) {
+    size_t i;
+    const json_t *one;
+    printf("  models     %zu compared%24s %10s %9s\n", json_array_size(models), "BIC", "left out", "median");
+    json_array_foreach(models, i, one) {
+        const json_t *m = json_object_get(one, "estimate");
+        if (json_is_true(json_object_get(m, "converged")))
+            printf("    %-12s %s%23.1f %10.3g %8.2f%%  %s\n", member(m, "model"),
+                   json_is_true(json_object_get(one, "recommended")) ? "*" : " ",
+                   json_number_value(json_object_get(m, "bic")),
+                   json_number_value(json_object_get(m, "loio")),
+                   100 * json_number_value(json_object_get(m, "median_relative_error")), member(one, "why"));
+        else
+            printf("    %-12s   no estimate: %s\n", member(m, "model"), member(m, "refusal"));
+    }
 }
 
 static void print_joint(const struct joint *j) {
@@ -146,6 +186,8 @@ static int show_text(struct shown *w) {
         print_linearity(&w->linearity);
     if (w->has_estimate)
         print_estimate(&w->estimate);
+    if (w->models)
+        print_models(w->models);
     if (w->has_joint)
         print_joint(&w->joint);
     return 0;
@@ -194,6 +236,8 @@ static int show_json(struct shown *w, struct err *e) {
     json_object_set_new(all, "points", points);
     if (w->has_estimate)
         json_object_set_new(all, "estimate", estimate_to_json(&w->estimate));
+    if (w->models)
+        json_object_set(all, "models", w->models);
     if (w->has_joint)
         json_object_set_new(all, "joint", joint_to_json(&w->joint));
     if (rc == 0) {
@@ -211,6 +255,7 @@ static int show(struct shown *w, const struct verb_args *args, struct err *e) {
     if (rc == 0)
         rc = args->json ? show_json(w, e) : show_text(w);
     json_decref(w->sample);
+    json_decref(w->models);
     joint_free(&w->joint);
     return rc;
 }

@@ -380,6 +380,10 @@ void writer_joint(struct writer *w, int file, const struct joint *joint) {
     push(w, r);
 }
 
+void writer_models(struct writer *w, int file, const char *json) {
+    push(w, record_text(w, RECORD_MODELS, file, "", json));
+}
+
 void writer_exchange(struct writer *w, int file, int64_t sent_us, int64_t done_us, const char *link,
                      const void *request, size_t request_size, const void *reply, size_t reply_size,
                      int result) {

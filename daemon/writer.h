@@ -50,6 +50,7 @@ void writer_estimate(struct writer *writer, int file, int64_t now_us, int64_t la
                      const struct estimate *m);
 void writer_slopes(struct writer *writer, int file, const struct point_slope *slope, size_t n);
 void writer_joint(struct writer *writer, int file, const struct joint *joint);
+void writer_models(struct writer *writer, int file, const char *json);
 void writer_event(struct writer *writer, int file, int64_t now_us, const char *kind, const char *json);
 void writer_exchange(struct writer *writer, int file, int64_t sent_us, int64_t done_us, const char *link,
                      const void *request, size_t request_size, const void *reply, size_t reply_size,

@@ -41,6 +41,8 @@ int writer_row(struct session *s, struct record *r, struct err *e) {
         ((struct joint *)r->object)->statistical = r->bytes;
         ((struct joint *)r->object)->common = (double *)r->bytes + r->id;
         return session_add_joint(s, r->object, e);
+    case RECORD_MODELS:
+        return session_add_models(s, r->bytes, e);
     case RECORD_EVENT:
         return session_add_event(s, r->us, r->key, r->bytes, e);
     case RECORD_EXCHANGE:

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "fit/aperture.h"
-#include "fit/choice.h"
+#include "fit/models.h"
 #include "fit/joint_fit.h"
 #include "fit/loss.h"
 #include "fit/points_option.h"
@@ -23,7 +23,8 @@ static const char help_of_fit[] =
     "  --model MODEL       lambert, oren-nayar, eq1, composite (default), heavy-tail, transmitted, "
     "two-lobe,\n"
     "                      or all of them, best first: which the data need, by BIC and by cross-validation\n"
-    "  --loss LOSS         ml (default: residuals over u), ols (the paper's Eq. 6), log, cuberoot or cosine\n"
+    "  --loss LOSS         ml (residuals over u; default: a session's own, else this), ols (the paper's Eq. "
+    "6), log, cuberoot or cosine\n"
     "  --weights none      every point counts alike: ml becomes ols; default: measured, by their u\n"
     "  --joint             also one fit of all bands together: shared shape parameters, S of each band\n"
     "  --beta-prime-per-band  the same with one beta' for each band\n"
@@ -41,6 +42,7 @@ static const char help_of_fit[] =
 struct options {
     const char *model; /* NULL: all */
     enum material_loss loss;
+    bool loss_given;
     const char *weights; /* NULL: not said */
     bool paper, json, joint, per_band;
     double source_width_deg, sensor_width_deg; /* NAN: as the file says */
@@ -71,6 +73,7 @@ static int take_weights(const char *name, struct options *o, struct err *e) {
 /* Only ml knows the points' u. */
 static int settle_loss(struct options *o, struct err *e) {
     const bool none = o->weights && strcmp(o->weights, "none") == 0;
+    o->loss_given = o->loss_given || o->weights;
     if (none && o->loss == MATERIAL_LOSS_ML) {
         o->loss = MATERIAL_LOSS_OLS;
     }
@@ -143,6 +146,7 @@ static int read_options(int argc, char **argv, struct options *o, struct err *e)
             break;
         case 'l':
             status = loss_find(optarg, &o->loss, e);
+            o->loss_given = true;
             break;
         case 'w':
             status = take_weights(optarg, o, e);
@@ -331,34 +335,13 @@ static int fit_joint(struct fitset *data, const struct options *o, struct result
     return status;
 }
 
-/* Best first, each with what speaks for it. */
-static int rank(struct result *results, int n, bool u_stated, struct err *e) {
-    struct choice *choice = calloc((size_t)n, sizeof *choice);
-    struct result *sorted = calloc((size_t)n, sizeof *sorted);
-    int status = choice && sorted ? 0 : err_set(e, ERR_NOMEM, "no memory to compare %d models", n);
-    for (int i = 0; i < n && !status; i++) {
-        choice[i] = (struct choice){.estimate = &results[i].estimate, .u_stated = u_stated};
-    }
-    if (!status) {
-        choice_rank(choice, (size_t)n);
-        for (int i = 0; i < n; i++) {
-            int from = 0;
-            while (choice[i].estimate != &results[from].estimate) {
-                from++;
-            }
-            sorted[i] = results[from];
-            sorted[i].choice = choice[i];
-            sorted[i].estimate.bic = isfinite(choice[i].bic) ? choice[i].bic : sorted[i].estimate.bic;
-        }
-        memcpy(results, sorted, (size_t)n * sizeof *sorted);
-    }
-    free(choice);
-    free(sorted);
-    return status;
-}
-
 /* What the command line says goes before what a session says. */
 static void take_given(struct estimate_input *in, const struct options *o) {
+    in->loss = o->loss_given ? o->loss : in->loss;
+    if (o->paper) {
+        in->kappa = M_PI;
+        in->q_is_one = true;
+    }
     in->source_width_deg = isnan(o->source_width_deg) ? in->source_width_deg : o->source_width_deg;
     in->sensor_width_deg = isnan(o->sensor_width_deg) ? in->sensor_width_deg : o->sensor_width_deg;
     in->hold_offset = in->hold_offset || o->hold_offset;
@@ -369,46 +352,51 @@ static void take_given(struct estimate_input *in, const struct options *o) {
     }
 }
 
+/* The joint fit of a model that the bands defeat says so; it does not take the others along. */
+static int add_joint(struct fitset *data, const struct options *o, struct result *r, struct err *e) {
+    struct err failure = {0};
+    data->input.model = r->estimate.model;
+    data->input.trace = NULL;
+    int status = fit_joint(data, o, r, &failure);
+    if (status == -ERR_FIT) {
+        r->estimate.converged = false;
+        snprintf(r->estimate.refusal, sizeof r->estimate.refusal, "%.255s", failure.text);
+        return 0;
+    }
+    if (status) {
+        *e = failure;
+    }
+    return status;
+}
+
 static int fit_models(const char *path, const struct options *o, struct result *results, int *n,
                       struct err_list *errors) {
     struct fitset data;
     struct points_report report;
-    fitset_init(&data);
-    int status = points_read(path, &o->points, &data, &report, errors), first = *n;
-    data.input.loss = o->loss;
-    data.input.cross_validate = !o->model;
-    take_given(&data.input, o);
-    if (o->paper) {
-        data.input.kappa = M_PI;
-        data.input.q_is_one = true;
-    }
-    for (int m = 0; m < REFLECTANCE_MODELS && !status; m++) {
-        const char *name = reflectance_name((enum reflectance_model)m);
-        if (o->model && strcmp(o->model, name) != 0) {
-            continue;
-        }
-        struct result *r = &results[(*n)++];
-        struct err e = {0};
-        *r = (struct result){.file = path, .report = report, .mask = data.mask};
-        data.input.model = name;
-        data.input.trace = &r->trace;
-        status = fitset_fit(&data, &r->estimate, &e);
-        if (!status && o->joint) {
-            status = fit_joint(&data, o, r, &e);
-        }
-        if (status == -ERR_FIT) { /* a model that these points defeat does not take the others along */
-            snprintf(r->estimate.model, sizeof r->estimate.model, "%s", name);
-            snprintf(r->estimate.refusal, sizeof r->estimate.refusal, "%.255s", e.text);
-            status = 0;
-        } else if (status) {
-            err_list_add(errors, &e);
-        }
-    }
+    struct model_fit *fit = calloc(REFLECTANCE_MODELS, sizeof *fit);
     struct err e = {0};
-    if (!status && !o->model &&
-        rank(results + first, *n - first, data.has_u && o->loss == MATERIAL_LOSS_ML, &e)) {
+    size_t count = 0;
+    fitset_init(&data);
+    int status = fit ? points_read(path, &o->points, &data, &report, errors)
+                     : err_set(&e, ERR_NOMEM, "no memory to fit %s", path);
+    take_given(&data.input, o);
+    if (!status) {
+        status = models_fit(&data, o->model, fit, &count, &e);
+    }
+    for (size_t i = 0; i < count && !status; i++) {
+        struct result *r = &results[(*n)++];
+        *r = (struct result){.estimate = fit[i].estimate,
+                             .trace = fit[i].trace,
+                             .choice = fit[i].choice,
+                             .file = path,
+                             .report = report,
+                             .mask = data.mask};
+        status = o->joint ? add_joint(&data, o, r, &e) : 0;
+    }
+    if (e.code) {
         err_list_add(errors, &e);
     }
+    free(fit);
     fitset_free(&data);
     return status;
 }

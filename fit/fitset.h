@@ -46,6 +46,7 @@ struct fitset {
     bool has_u, has_directions, has_bands, has_bands_u, has_bands_cov;
     struct mask mask;          /* what readers of files let in, and counts of what they left out */
     bool independence_assumed; /* only a total uncertainty was given */
+    bool all_models;           /* input.model is the first of several wanted */
     struct fitset_cause *cause;
     size_t n_causes, cause_capacity;
     struct fitset_bracket *bracket;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/loss.h"
 #include "fit/spot.h"
 
 static int refuse(struct err *e, const char *where, const char *expected) {
@@ -210,11 +211,24 @@ static int read_model(const json_t *json, struct fitset *data, struct err *e) {
         return 0;
     }
     if (!json_is_string(model)) {
-        return refuse(e, "model", "the name of a model");
+        return refuse(e, "model", "the name of a model, or all");
+    }
+    data->all_models = strcmp(json_string_value(model), "all") == 0;
+    if (data->all_models) {
+        data->input.model = reflectance_name(REFLECTANCE_COMPOSITE);
+        return 0;
     }
     int status = reflectance_find(json_string_value(model), &found, e);
     data->input.model = status ? data->input.model : reflectance_name(found); /* outlives the JSON */
     return status;
+}
+
+static int read_loss(const json_t *json, struct fitset *data, struct err *e) {
+    const json_t *loss = json_object_get(json, "loss");
+    if (loss && !json_is_string(loss)) {
+        return refuse(e, "loss", "the name of a loss");
+    }
+    return loss ? loss_find(json_string_value(loss), &data->input.loss, e) : 0;
 }
 
 static int read_polarisation(const json_t *json, struct fitset *data, struct err *e) {
@@ -263,6 +277,7 @@ int request_read_settings(const json_t *json, struct fitset *data, struct err *e
         return err_set(e, ERR_INPUT, "a request must be a JSON object");
     }
     int status = read_model(json, data, e);
+    status = status ? status : read_loss(json, data, e);
     status = status ? status : read_spot(json, data, e);
     status = status ? status : read_polarisation(json, data, e);
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers && !status; i++) {

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "fit/joint_fit.h"
+#include "fit/models.h"
 #include "fit/request.h"
 
 #define PREFIX 4
@@ -48,12 +49,42 @@ static int add_joint(json_t *reply, struct request *r, const struct estimate *es
     return status;
 }
 
+/* The recommended one becomes the estimate; the others go beside it. */
+static int fit_all(struct request *r, struct estimate *estimate, json_t *reply, struct err *e) {
+    size_t n = 0;
+    struct model_fit *fit = calloc(REFLECTANCE_MODELS, sizeof *fit);
+    json_t *list = json_array();
+    int status = fit ? models_fit(&r->data, NULL, fit, &n, e)
+                     : err_set(e, ERR_NOMEM, "no memory to compare %d models", REFLECTANCE_MODELS);
+    for (size_t i = 0; i < n && !status; i++) {
+        json_array_append_new(list,
+                              json_pack("{s:b, s:s, s:o}", "recommended", fit[i].choice.recommended, "why",
+                                        fit[i].choice.text, "estimate", estimate_to_json(&fit[i].estimate)));
+    }
+    if (!status) {
+        enum reflectance_model best = REFLECTANCE_COMPOSITE;
+        *estimate = fit[0].estimate;
+        reflectance_find(estimate->model, &best, NULL);
+        r->data.input.model = reflectance_name(best);
+        r->data.input.trace = NULL;
+        json_object_set(reply, "models", list);
+    }
+    json_decref(list);
+    free(fit);
+    return status;
+}
+
+static int fit_request(struct request *r, struct estimate *estimate, json_t *reply, struct err *e) {
+    return r->final && r->data.all_models ? fit_all(r, estimate, reply, e)
+                                          : fitset_fit(&r->data, estimate, e);
+}
+
 static int estimate_request(const json_t *json, json_t *reply, struct err *e) {
     struct request r = {0};
     struct estimate estimate;
     fitset_init(&r.data);
     int status = request_read(json, &r, e);
-    if (!status && !(status = fitset_fit(&r.data, &estimate, e))) {
+    if (!status && !(status = fit_request(&r, &estimate, reply, e))) {
         json_object_set_new(reply, "estimate", estimate_to_json(&estimate));
         if (r.final && estimate.converged) {
             status = add_slopes(reply, &r, &estimate, e);

@@ -14,7 +14,8 @@
  *                           in order; without bands, every band changes in proportion to the mean
  *     drift                 list of {bracket_points: [indices], tau_us: [..], tau_r_us: [..] (0), T_us (null or
  *                           0 = not closed), rate}: one a bracket, relative variance per second
- *     model                 any of reflectance_name ("composite")
+ *     model                 any of reflectance_name ("composite"), or all: composite, and at the end all of them
+ *     loss                  any of material_loss_name ("ml")
  *     mean_nm               [400, 700]
  *     kappa                 1
  *     q_is_one, unweighted  false
@@ -27,8 +28,8 @@
  *     final                 false; true adds axis_slopes and, where there are bands, joint to the reply
  * Reply      {"id", "estimate": as estimate_to_json of proto/material.h, "axis_slopes": {"source": [n],
  *            "sample": [n]} (d beta / d axis per degree, null where a point was left out), "joint": as joint_to_json of
- *            proto/joint.h} or {"id", "error":
- *            "sentence"}. Too few angles are an estimate with converged false and refusal, not an error.
+ *            proto/joint.h, "models": of all, the recommended first, which is the estimate: [{"recommended", "why",
+ *            "estimate"}]} or {"id", "error": "sentence"}. Too few angles are an estimate with converged false and refusal, not an error.
  * Errors     a frame that is not JSON, or not of this form, is answered with an error; the next frame is read. A frame
  *            beyond SERVE_FRAME_MAX is read over and refused. -ERR_IO: the pipe broke inside a frame.
  * Checked    tests/unit/test_serve.c

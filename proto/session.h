@@ -106,6 +106,9 @@ int session_each_estimate(struct session *s,
                           void *arg, struct err *e);
 int session_last_estimate(struct session *s, struct estimate *m,
                           struct err *e); /* -ERR_STATE when there is none */
+/* Of the newest estimate, several models of the same points: "models" of fit/serve.h. NULL where there was one. */
+int session_add_models(struct session *s, const char *json, struct err *e);
+int session_last_models(struct session *s, char **json, struct err *e); /* malloc */
 /* The newest joint fit, which joint_free frees; -ERR_STATE when there is none. */
 int session_last_joint(struct session *s, struct joint *joint, struct err *e);
 

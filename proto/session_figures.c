@@ -1,5 +1,6 @@
 /* What an estimate says of its instrument and of its own quality: tables that a file of an older goniod lacks. */
 #include <math.h>
+#include <string.h>
 
 #include "proto/session_internal.h"
 
@@ -110,4 +111,44 @@ int session_read_figures(struct session *s, int64_t id, struct estimate *m, stru
         return 0;
     int rc = read_instrument(s, id, m, e);
     return rc < 0 ? rc : read_quality(s, id, m, e);
+}
+
+/* ---- several models of the same points ---- */
+
+static int write_models(struct session *s, const char *json, struct err *e) {
+    struct query *q;
+    int64_t newest = 0;
+    int rc = store_number(s->store, "SELECT max(id) FROM estimation", 0, &newest, e);
+    if (rc == 0)
+        rc = store_query(s->store, "INSERT INTO estimation_models VALUES (?,?,?)", &q, e);
+    if (rc < 0)
+        return rc;
+    query_bind_int(q, 0, newest);
+    query_bind_text(q, 1, json);
+    return query_insert(q, NULL, e);
+}
+
+int session_add_models(struct session *s, const char *json, struct err *e) {
+    bool own;
+    int rc = session_enter(s, &own, e);
+    return rc < 0 ? rc : session_leave(s, own, write_models(s, json, e), e);
+}
+
+int session_last_models(struct session *s, char **json, struct err *e) {
+    struct query *q;
+    *json = NULL;
+    if (!session_has_table(s, "estimation_models"))
+        return 0;
+    int rc = store_query(s->store,
+                         "SELECT json FROM estimation_models WHERE estimation_id = (SELECT max(id) FROM "
+                         "estimation)",
+                         &q, e);
+    if (rc < 0)
+        return rc;
+    if ((rc = query_step(q, e)) == 1) {
+        *json = strdup(query_text(q, 0));
+        rc = *json ? 0 : err_set(e, ERR_NOMEM, "%s: out of memory", s->path);
+    }
+    query_reset(q);
+    return rc;
 }

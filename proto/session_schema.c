@@ -23,6 +23,7 @@ const char *const SESSION_TABLES[] = {
     "estimation_warning",
     "estimation_instrument",
     "estimation_quality",
+    "estimation_models",
     "estimation_point",
     "estimation_joint",
     "estimation_joint_row",
@@ -114,6 +115,8 @@ static const char SCHEMA[] =
     "CREATE TABLE IF NOT EXISTS estimation_quality (estimation_id INTEGER PRIMARY KEY REFERENCES estimation,"
     " iterations INTEGER NOT NULL, minimised TEXT NOT NULL, condition REAL, n_effective REAL, loio REAL,"
     " loss_ml REAL, loss_ols REAL, loss_log REAL, loss_cuberoot REAL, loss_cosine REAL);"
+    "CREATE TABLE IF NOT EXISTS estimation_models (estimation_id INTEGER PRIMARY KEY REFERENCES estimation,"
+    " json TEXT NOT NULL);"
     "CREATE TABLE IF NOT EXISTS estimation_point (estimation_id INTEGER NOT NULL REFERENCES estimation,"
     " point_id INTEGER NOT NULL REFERENCES point, source_per_deg REAL, sample_per_deg REAL,"
     " PRIMARY KEY (estimation_id, point_id)) WITHOUT ROWID;"

@@ -250,6 +250,26 @@ static void estimates_come_back(void **state) {
     ROW_OK(session_close(s, e));
 }
 
+static void models_belong_to_the_newest_estimate(void **state) {
+    (void)state;
+    struct session *s = row_fill(row_path, 3);
+    struct estimate m;
+    char *text;
+    ROW_OK(session_last_models(s, &text, e));
+    assert_null(text);
+    for (int n = 1; n <= 2; n++) {
+        row_estimate(n, &m);
+        ROW_OK(session_add_estimate(s, 1000 * n, n, &m, e));
+        ROW_OK(session_last_models(s, &text, e));
+        assert_null(text);
+        ROW_OK(session_add_models(s, n == 1 ? "[]" : "[{\"why\":\"2\"}]", e));
+    }
+    ROW_OK(session_last_models(s, &text, e));
+    assert_string_equal(text, "[{\"why\":\"2\"}]");
+    free(text);
+    ROW_OK(session_close(s, e));
+}
+
 static void slopes_belong_to_the_newest_estimate(void **state) {
     (void)state;
     struct session *s = row_fill(row_path, 3);
@@ -337,6 +357,7 @@ int main(int argc, char **argv) {
         TEST(exposures_and_points_come_back),
         TEST(brackets_events_exchanges_and_texts_come_back),
         TEST(estimates_come_back),
+        TEST(models_belong_to_the_newest_estimate),
         TEST(slopes_belong_to_the_newest_estimate),
         TEST(a_joint_fit_stands_beside_its_estimate),
     };

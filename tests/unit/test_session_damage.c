@@ -205,7 +205,8 @@ static void make_old(void) {
         sql(text);
     }
     sql("DROP TABLE linearity; DROP TABLE estimation_joint_row; DROP TABLE estimation_joint; "
-        "DROP TABLE estimation_instrument; DROP TABLE estimation_quality; PRAGMA user_version = 1");
+        "DROP TABLE estimation_instrument; DROP TABLE estimation_quality; DROP TABLE estimation_models; "
+        "PRAGMA user_version = 1");
 }
 
 static void an_older_file_is_read_and_goes_on(void **state) {
