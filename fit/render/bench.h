@@ -37,6 +37,7 @@ struct bench_size {
     int reference_grid;            /* its samples a pixel: grid squared, in two halves */
     int repeats;                   /* of each timed process; the median counts */
     int fold_pixels, fold_samples; /* of the fold: side of the picture; paths a pixel of its reference */
+    int mesh_jitters, mesh_rings;  /* of the mesh: directions in a texel of half its reference; finest body */
 };
 
 struct bench_error { /* of one sampling of one scene */
@@ -106,6 +107,8 @@ int bench_time_run(char *const *words, const char *report, int repeats, struct b
 
 /* S4: a fold of one strongly coloured paint, 5 bounces, at the centres of pixels; its section of the report. */
 int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, struct err *e);
+/* S5: a mesh in an environment, and what finer meshes cost. */
+int bench_mesh_report(const char *folder, const struct bench_size *size, FILE *out, struct err *e);
 
 int bench_recolour(const char *folder, const struct bench_size *size, struct bench_recolour *out,
                    struct err *e);

@@ -17,7 +17,8 @@ static const char help[] =
     "  --csv, --plot  the rows of the errors; log-log, drawn by gnuplot\n"
     "  --quick        small pictures: whether it works, not how fast\n";
 
-static const struct bench_size whole = {100, 1000, 40, 64, 5, 32, 32768}, quick = {24, 60, 8, 8, 1, 8, 256};
+static const struct bench_size whole = {100, 1000, 40, 64, 5, 32, 32768, 256, 768},
+                               quick = {24, 60, 8, 8, 1, 8, 256, 1, 48};
 
 struct bench {
     const char *report, *csv, *plot;
@@ -80,16 +81,16 @@ static void print_head(const struct bench *b) {
     char cpu[256], load[256];
     first_line("/proc/cpuinfo", "model name", cpu, sizeof cpu);
     first_line("/proc/loadavg", "", load, sizeof load);
-    fprintf(b->out,
-            "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
-            "- processor: %s, %ld of them; load average when it began: %s\n"
-            "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
-            "- scenes: S1, S2 a cylinder in parallel light, orthographic; S3 a panel under a rectangle "
-            "light; S4 a "
-            "fold; S5 (mesh) is not rendered yet;\n"
-            "  S6 is `goniorender stability`\n\n",
-            GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", cpu,
-            sysconf(_SC_NPROCESSORS_ONLN), load);
+    fprintf(
+        b->out,
+        "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
+        "- processor: %s, %ld of them; load average when it began: %s\n"
+        "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
+        "- scenes: S1, S2 a cylinder in parallel light, orthographic; S3 a panel under a rectangle light; S4 "
+        "a fold;\n"
+        "  S5 a mesh in an environment; S6 is `goniorender stability`\n\n",
+        GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", cpu,
+        sysconf(_SC_NPROCESSORS_ONLN), load);
 }
 
 static void print_errors(const struct bench *b, const char *name, const struct bench_errors *x) {
@@ -370,6 +371,7 @@ static int run_all(struct bench *b, struct err *e) {
     }
     draw(b);
     status = status ? status : bench_fold_report(b->folder, b->size, b->out, e);
+    status = status ? status : bench_mesh_report(b->folder, b->size, b->out, e);
     status = status ? status : bench_times(b, e);
     status = status ? status : bench_parts(b, e);
     bench_grids(b);
