@@ -202,7 +202,9 @@ static void hero_pixel(const struct fold *f, const struct trace *t, int pixel, i
                        double xyz[3]) {
     int width = f->scene->image.width;
     struct point p = point_at(f, pixel % width, pixel / width);
+    struct path_place place;
     struct render_counts unused = {0};
+    path_begin(t, &p.hit, p.v, &place);
     xyz[0] = xyz[1] = xyz[2] = 0;
     for (int k = 0; k < BANDS * 3 && !direct; k++) {
         xyz[k % 3] += f->weight[k / 3][k % 3] * of_band(f, &p.direct, k / 3);
@@ -213,7 +215,7 @@ static void hero_pixel(const struct fold *f, const struct trace *t, int pixel, i
         double sum[4] = {0}, start;
         int band[4];
         trace_sampler(t, &(struct trace_sample){.pixel = (uint32_t)pixel}, r, &sampler);
-        path_find(t, &p.hit, p.v, &sampler, &path, &unused);
+        path_find(t, &place, &sampler, &path, &unused);
         start = sampler_1d(&sampler);
         for (int h = 0; h < 4; h++) {
             band[h] = (int)((h + start) * BANDS / 4);

@@ -13,61 +13,54 @@ static struct vec3 draw_cosine(struct vec3 n, const double u[2]) {
     return vec3_add(across, vec3_scale(n, sqrt(1 - u[0])));
 }
 
-struct draws { /* of a direction, and how often each is taken; the rest by cosine */
-    struct aim_view view;
-    struct glint_view glints;
-    double facets, flashes, aims;
-};
-
-static void find_draws(const struct trace *t, const struct hit *hit, double cos_r, struct draws *d) {
-    aim_from(t->aim, hit, &d->view);
-    d->facets = energy_share(&t->energy[hit->paint], cos_r);
-    glint_from(t->glints, &d->view, &d->glints);
-    d->flashes = d->glints.share * (1 - d->facets);
-    d->aims = d->view.n_sectors > 0 ? PATH_AIMS * (1 - d->facets - d->flashes) : 0;
+void path_begin(const struct trace *t, const struct hit *hit, struct vec3 v, struct path_place *place) {
+    place->hit = *hit;
+    place->v = v;
+    aim_from(t->aim, hit, &place->seen);
+    glint_from(t->glints, &place->seen, &place->glints);
+    double others = 1;
+    place->by_facets = energy_share(&t->energy[hit->paint], vec3_dot(hit->normal, v));
+    others -= place->by_facets;
+    place->by_glints = place->glints.share * others;
+    others -= place->by_glints;
+    place->by_aim = place->seen.n_sectors > 0 ? PATH_AIMS * others : 0;
+    place->by_cosine = others - place->by_aim;
 }
 
 /* Takes as many numbers wherever it is. */
-static bool draw(const struct trace *t, const struct draws *d, const struct hit *hit, struct vec3 v,
-                 struct sampler *sampler, struct vec3 *l) {
+static bool draw(const struct trace *t, const struct path_place *p, struct sampler *sampler, struct vec3 *l) {
     double choice[2], u[2];
     sampler_2d(sampler, choice);
     sampler_2d(sampler, u);
-    if (choice[0] < d->facets) {
-        return facet_sample(&t->scene->paint[hit->paint].drawn, hit->normal, v, u, l);
+    if ((choice[0] -= p->by_facets) < 0) {
+        return facet_sample(&t->scene->paint[p->hit.paint].drawn, p->hit.normal, p->v, u, l);
     }
-    if (choice[0] < d->facets + d->flashes) {
-        return glint_sample(&d->glints, choice[1], u, l);
+    if ((choice[0] -= p->by_glints) < 0) {
+        return glint_sample(&p->glints, choice[1], u, l);
     }
-    if (choice[0] < d->facets + d->flashes + d->aims) {
-        *l = aim_sample(&d->view, choice[1], u);
-    } else {
-        *l = draw_cosine(hit->normal, u);
-    }
+    *l = choice[0] < p->by_aim ? aim_sample(&p->seen, choice[1], u) : draw_cosine(p->hit.normal, u);
     return true;
 }
 
-static double density_of(const struct trace *t, const struct draws *d, const struct hit *hit, struct vec3 v,
-                         struct vec3 l) {
-    const struct shade_paint *drawn = &t->scene->paint[hit->paint].drawn;
-    double sum = (1 - d->facets - d->flashes - d->aims) * vec3_dot(hit->normal, l) / M_PI;
-    sum += d->facets > 0 ? d->facets * facet_density(drawn, hit->normal, v, l) : 0;
-    sum += d->flashes > 0 ? d->flashes * glint_density(&d->glints, l) : 0;
-    return sum + (d->aims > 0 ? d->aims * aim_density(&d->view, l) : 0);
+static double density_of(const struct trace *t, const struct path_place *p, struct vec3 l) {
+    double sum = p->by_cosine * vec3_dot(p->hit.normal, l) / M_PI;
+    if (p->by_facets > 0) {
+        sum += p->by_facets * facet_density(&t->scene->paint[p->hit.paint].drawn, p->hit.normal, p->v, l);
+    }
+    sum += p->by_glints > 0 ? p->by_glints * glint_density(&p->glints, l) : 0;
+    return sum + (p->by_aim > 0 ? p->by_aim * aim_density(&p->seen, l) : 0);
 }
 
-/* A direction l, and what is scattered from it to v over its density; false: nothing is. */
-static bool scatter(const struct trace *t, const struct hit *hit, struct vec3 v, struct sampler *sampler,
+/* A direction l, and what is scattered from it over its density; false: nothing is. */
+static bool scatter(const struct trace *t, const struct path_place *p, struct sampler *sampler,
                     struct vec3 *l, struct shade_abc *out, struct render_counts *counts) {
-    double cos_r = vec3_dot(hit->normal, v);
-    struct draws d;
-    find_draws(t, hit, cos_r, &d);
-    if (!draw(t, &d, hit, v, sampler, l) || !(vec3_dot(hit->normal, *l) > SHADE_GRAZING)) {
+    const struct hit *hit = &p->hit;
+    if (!draw(t, p, sampler, l) || !(vec3_dot(hit->normal, *l) > SHADE_GRAZING)) {
         return false;
     }
-    *out = shade(PATH_FEATURES, &t->scene->paint[hit->paint].shade, NULL, hit->normal, *l, v);
+    *out = shade(PATH_FEATURES, &t->scene->paint[hit->paint].shade, NULL, hit->normal, *l, p->v);
     counts->negative_diffuse += out->a < 0;
-    double weight = trace_energy(t, hit, *l, v) / (M_PI * density_of(t, &d, hit, v, *l));
+    double weight = trace_energy(t, hit, *l, p->v) / (M_PI * density_of(t, p, *l));
     *out = (struct shade_abc){weight * fmax(out->a, 0), weight * out->b, weight * out->c};
     return out->a > 0 || out->c > 0;
 }
@@ -100,27 +93,32 @@ static bool goes_on(const struct trace *t, const struct path *path, double *carr
     return true;
 }
 
-void path_find(const struct trace *t, const struct hit *hit, struct vec3 v, struct sampler *sampler,
+void path_find(const struct trace *t, const struct path_place *first, struct sampler *sampler,
                struct path *path, struct render_counts *counts) {
-    struct hit at = *hit, next;
+    struct path_place later;
+    const struct path_place *p = first;
+    int most = t->scene->image.bounces - 1;
     double carried = 1;
-    for (path->n = 0; path->n < t->scene->image.bounces - 1;) {
+    for (path->n = 0; path->n < most;) {
         struct path_step *step = &path->step[path->n];
+        struct hit next;
         struct vec3 l;
-        bool more = scatter(t, &at, v, sampler, &l, &step->scatter, counts) &&
-                    goes_on(t, path, &carried, &step->scatter, at.paint, sampler) &&
-                    next_surface(t, &at, l, &next, counts);
+        bool more = scatter(t, p, sampler, &l, &step->scatter, counts) &&
+                    goes_on(t, path, &carried, &step->scatter, p->hit.paint, sampler) &&
+                    next_surface(t, &p->hit, l, &next, counts);
         if (!more) {
             return;
         }
-        step->from = at.paint;
+        struct vec3 v = vec3_scale(l, -1);
+        step->from = p->hit.paint;
         step->to = next.paint;
-        v = vec3_scale(l, -1);
-        at = next;
         memset(step->light, 0, (size_t)t->scene->n_spds * sizeof *step->light);
-        trace_direct_at(t, &at, v, step->light, counts);
-        trace_area_at(t, &at, v, sampler, step->light, counts);
-        path->n++;
+        trace_direct_at(t, &next, v, step->light, counts);
+        trace_area_at(t, &next, v, sampler, step->light, counts);
+        if (++path->n < most) {
+            path_begin(t, &next, v, &later);
+            p = &later;
+        }
     }
 }
 

@@ -30,6 +30,14 @@
 #define PATH_GOES_ON 0.95
 #define PATH_AIMS 0.9 /* of what is not drawn by lobes */
 
+struct path_place { /* a surface seen along v, and how often directions are drawn there in which way */
+    struct hit hit;
+    struct vec3 v;
+    struct aim_view seen;
+    struct glint_view glints;
+    double by_facets, by_glints, by_aim, by_cosine; /* together 1 */
+};
+
 struct path_step {
     int from, to;                        /* paints */
     struct shade_abc scatter;            /* by `from`, over the density */
@@ -41,8 +49,9 @@ struct path {
     struct path_step step[PATH_STEPS];
 };
 
-/* From a hit that is seen along v; t: beyond the first bounce, with energies. */
-void path_find(const struct trace *t, const struct hit *hit, struct vec3 v, struct sampler *sampler,
+/* Once for all paths from a hit that is seen along v; t: beyond the first bounce, with energies. */
+void path_begin(const struct trace *t, const struct hit *hit, struct vec3 v, struct path_place *place);
+void path_find(const struct trace *t, const struct path_place *first, struct sampler *sampler,
                struct path *path, struct render_counts *counts);
 /* Adds part r(k) in each set to spectrum[set][k]. */
 void path_carry(const struct path *path, const struct scene *scene, double part, double (*spectrum)[BANDS]);

@@ -1,6 +1,7 @@
 #include "fit/render/trace.h"
 
 #include <math.h>
+#include <float.h>
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
@@ -83,7 +84,9 @@ static bool keep_extra(struct tile *tile, const struct planes_extra *extra) {
 static void store_indirect(struct planes *p, size_t at, const struct pixel *pixel, double part) {
     for (int j = 0; j < p->n_sets && p->set[j].indirect; j++) {
         for (int k = 0; k < BANDS; k++) {
-            p->set[j].indirect[at * BANDS + (size_t)k] = (float)(part * pixel->indirect[j][k]);
+            double mean = part * pixel->indirect[j][k];
+            /* Unscaled bounces (energy.h) may grow beyond any number. */
+            p->set[j].indirect[at * BANDS + (size_t)k] = mean < FLT_MAX ? (float)mean : FLT_MAX;
         }
     }
 }

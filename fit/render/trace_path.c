@@ -22,16 +22,18 @@ void trace_path(const struct trace *t, const struct ray *ray, struct trace_sampl
                 struct render_counts *counts) {
     struct vec3 v = vec3_scale(ray->direction, -1);
     struct hit hit;
+    struct path_place place;
     if (!trace_first(t, ray, &hit, sample, counts)) {
         return;
     }
     trace_direct_at(t, &hit, v, sample->set, counts);
+    path_begin(t->beyond, &hit, v, &place);
     for (int r = 0; r < t->repeats; r++) {
         struct sampler sampler;
         struct path path;
         trace_sampler(t, sample, r, &sampler);
         double y = trace_area_repeat(t, &hit, v, &sampler, sample, counts);
-        path_find(t->beyond, &hit, v, &sampler, &path, counts);
+        path_find(t->beyond, &place, &sampler, &path, counts);
         trace_count(t, r, y + take_spectrum(t, &path, sample), sample, counts);
     }
 }

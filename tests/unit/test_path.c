@@ -112,8 +112,10 @@ static void walk_free(struct walk *w) {
 
 static void walk_path(struct walk *w, uint32_t sample, struct path *path) {
     struct sampler sampler;
+    struct path_place place;
     sampler_start(&sampler, 1, 0, sample);
-    path_find(&w->trace, &w->hit, w->v, &sampler, path, &w->counts);
+    path_begin(&w->trace, &w->hit, w->v, &place);
+    path_find(&w->trace, &place, &sampler, path, &w->counts);
 }
 
 #define GLOSSY_FOLD(material, bounces)                                                                       \
@@ -332,6 +334,63 @@ static void a_fold_keeps_it(void **state) {
     scene_free(scene);
 }
 
+/* What is left out of the first bounce stays within its bound; what comes after it is the same to the bit. */
+static void a_fold_leaves_out_within_its_bound(void **state) {
+    (void)state;
+    struct scene *scene = GLOSSY_FOLD("materials: [m, k]", 3);
+    struct planes few, all;
+    struct render_report report, whole;
+    planes_of(scene, &(struct render_options){.threads = 1}, &few, &report);
+    planes_of(scene, &(struct render_options){.threads = 1, .all_features = true}, &all, &whole);
+    assert_false(report.features.line[FEATURE_LOBE_TAIL].kept);
+    assert_memory_equal(few.set[0].indirect, all.set[0].indirect, 3600 * BANDS * sizeof(float));
+    double *lean = xyz_of(scene, &few, false), *full = xyz_of(scene, &all, true);
+    for (int k = 0; k < 3 * 3600; k++)
+        assert_true(fabs(lean[k] - full[k]) <= 1.1 * features_bound(&report.features));
+    free(lean);
+    free(full);
+    planes_free(&few);
+    planes_free(&all);
+    scene_free(scene);
+}
+
+/* No paint of the list of extremes makes a NaN or an infinity, scaled or not. */
+static void extremes_stay_finite(void **state) {
+    (void)state;
+    static const char *const paints[] = {
+        "uniform: 0",
+        "uniform: 7, sigma: 0.3",
+        "uniform: 1, sigma: 1.0e+8, beta_prime: 1, gamma: 0.1",
+        "uniform: 1, sigma: 1.0e-8, beta_prime: 1.0e+6, gamma: 1.0e-6",
+        "uniform: 0, beta_prime: 1.0e+12, gamma: 1.0e-3, n: 10",
+        "uniform: 0.5, beta_prime: 1.0e+12, gamma: 1000, n: 10",
+        "uniform: 0.5, beta_prime: 1.0e-12, gamma: 1.0e-9, n: 1",
+        "uniform: 0.5, beta_prime: 1.0e+50, gamma: 0.01, n: 1.0001",
+        "uniform: 0.9, model: heavy-tail, tail: 2, beta_prime: 1.0e+6, gamma: 1.0e-3, n: 2.42",
+        "uniform: 0.9, model: two-lobe, beta_prime: 0, gamma: 1, beta_prime_2: 1.0e+6, gamma_2: 1.0e-4",
+        "uniform: 0.9, sigma: 1, model: transmitted, n_d: 10, beta_prime: 5, gamma: 0.2",
+    };
+    for (size_t i = 0; i < 2 * sizeof paints / sizeof *paints; i++) {
+        struct scene *scene =
+            scene_of("materials: [{name: m, %s}]\n"
+                     "shapes:\n  - fold: {material: m, width_mm: 20, length_mm: 30}\n"
+                     "  - sphere: {material: m, radius_mm: 4, at_mm: [0, 0, 15]}\n"
+                     "lights:\n  - beam: {theta_deg: 89.999}\n  - beam: {theta_deg: 0}\n"
+                     "camera: {orthographic: {height_mm: 40}}\n"
+                     "image: {width: 12, height: 12, grid: 1, bounces: 6, samples: 16, energy: %s}\n",
+                     paints[i / 2], i % 2 ? "report" : "scale");
+        struct planes planes;
+        struct render_report report;
+        planes_of(scene, &(struct render_options){.threads = 1}, &planes, &report);
+        assert_non_null(planes.set[0].indirect);
+        for (int k = 0; k < 144 * BANDS; k++)
+            if (!(planes.set[0].indirect[k] >= 0 && isfinite(planes.set[0].indirect[k])))
+                fail_msg("%s: %g", paints[i / 2], planes.set[0].indirect[k]);
+        planes_free(&planes);
+        scene_free(scene);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_matt_fold_has_the_radiosity_that_is_known),
@@ -343,6 +402,8 @@ int main(void) {
         cmocka_unit_test(same_bits_for_any_number_of_threads),
         cmocka_unit_test(what_no_surface_sees_is_left_out),
         cmocka_unit_test(a_fold_keeps_it),
+        cmocka_unit_test(a_fold_leaves_out_within_its_bound),
+        cmocka_unit_test(extremes_stay_finite),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
