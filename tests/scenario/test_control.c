@@ -17,6 +17,8 @@
 #include "daemon/control_access.h"
 #include "proto/rpc.h"
 
+#define PATIENCE_MS 20000 /* with the control thread, which a busy machine may keep waiting */
+
 struct fixture {
     struct desk *desk;
     struct control *control;
@@ -86,7 +88,7 @@ static struct rpc_client *join(struct fixture *f) {
 
 static int call(struct rpc_client *c, const char *method, json_t *params, json_t **result, struct err *e) {
     err_clear(e);
-    return rpc_call(c, method, params, 2000, result, NULL, e);
+    return rpc_call(c, method, params, PATIENCE_MS, result, NULL, e);
 }
 
 static void status_is_the_snapshot_with_its_age(void **state) {
@@ -126,7 +128,7 @@ static void a_check_brings_the_plan_or_every_mistake(void **state) {
     struct err_list errors = {0};
     json_t *plan;
     json_t *job = json_pack("{s:{s:s, s:s}}", "job", "name", "job.yaml", "text", "bad");
-    assert_int_equal(rpc_call(c, "check", job, 2000, NULL, &errors, &e), -ERR_INPUT);
+    assert_int_equal(rpc_call(c, "check", job, PATIENCE_MS, NULL, &errors, &e), -ERR_INPUT);
     assert_int_equal(errors.n, 1);
     assert_int_equal(errors.item[0].column, 5);
     assert_string_equal(errors.item[0].file, "job.yaml");
@@ -140,7 +142,7 @@ static void a_check_brings_the_plan_or_every_mistake(void **state) {
 
 static bool wait_order(struct fixture *f, struct desk_order *order) {
     struct pollfd fd = {.fd = desk_campaign_fd(f->desk), .events = POLLIN};
-    if (poll(&fd, 1, 2000) != 1)
+    if (poll(&fd, 1, PATIENCE_MS) != 1)
         return false;
     desk_campaign_clear(f->desk);
     return desk_take_order(f->desk, order);
@@ -154,7 +156,8 @@ static void send_text(struct rpc_client *c, const char *text) {
 static void read_line(struct rpc_client *c, char *line, size_t size) {
     size_t n = 0;
     struct pollfd fd = {.fd = rpc_descriptor(c), .events = POLLIN};
-    while (n + 1 < size && poll(&fd, 1, 2000) == 1 && recv(fd.fd, line + n, 1, 0) == 1 && line[n] != '\n')
+    while (n + 1 < size && poll(&fd, 1, PATIENCE_MS) == 1 && recv(fd.fd, line + n, 1, 0) == 1 &&
+           line[n] != '\n')
         n++;
     line[n] = '\0';
 }
@@ -208,7 +211,7 @@ static void a_watcher_sees_events_in_order(void **state) {
     int64_t last = 0;
     for (int i = 0; i < 20; i++) {
         json_t *event;
-        assert_int_equal(rpc_next_event(c, 2000, &event, &e), 0);
+        assert_int_equal(rpc_next_event(c, PATIENCE_MS, &event, &e), 0);
         assert_string_equal(json_string_value(json_object_get(event, "event")), "point");
         assert_true(json_integer_value(json_object_get(event, "serial")) > last);
         last = json_integer_value(json_object_get(event, "serial"));
@@ -240,7 +243,7 @@ static void a_slow_reader_loses_events_and_is_told(void **state) {
     int seen = 0;
     while (missed == 0) {
         json_t *event;
-        assert_int_equal(rpc_next_event(slow, 1000, &event, &e), 0);
+        assert_int_equal(rpc_next_event(slow, PATIENCE_MS, &event, &e), 0);
         if (strcmp(json_string_value(json_object_get(event, "event")), "missed") == 0)
             missed = json_integer_value(json_object_get(event, "count"));
         else
@@ -261,7 +264,7 @@ static void an_endless_line_ends_the_connection_with_a_sentence(void **state) {
     size_t sent = 0;
     ssize_t n = 1;
     struct pollfd fd = {.fd = rpc_descriptor(c), .events = POLLOUT};
-    while (sent < size && n > 0 && poll(&fd, 1, 300) == 1) {
+    while (sent < size && n > 0 && poll(&fd, 1, PATIENCE_MS) == 1) {
         n = send(fd.fd, much + sent, size - sent, MSG_NOSIGNAL | MSG_DONTWAIT);
         sent += n > 0 ? (size_t)n : 0;
     }

@@ -14,8 +14,8 @@
 #include "proto/file.h"
 #include "sim/sim.h"
 
-#define CTL_MS 60000
-#define START_MS 10000
+#define CTL_MS 120000 /* far beyond what a busy machine needs */
+#define START_MS 60000
 #define BRIDGE_WORDS 4
 
 static void put(const char *dir, const char *name, const char *text) {
@@ -33,8 +33,7 @@ static void sim_text(struct laboratory *l, const char *bus, const char *listen) 
     snprintf(l->sim_yaml, sizeof l->sim_yaml,
              "seed: 1\n"
              "modbus: [\"%s\"]\n"
-             "lamp: {warm_up_min: 0}\n"
-             "spectrometer: {model: %s, listen: \"%s\"}\n"
+             "lamp: {warm_up_min: 0}\n" SIM_PROCESS_PATIENT_AXES "spectrometer: {model: %s, listen: \"%s\"}\n"
              "holder:\n"
              "  - {name: sample, deg: 0, paint: " LABORATORY_SAMPLE_PAINT
              ", support: " LABORATORY_SAMPLE_SUPPORT "}\n"

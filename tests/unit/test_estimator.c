@@ -21,7 +21,7 @@ static const char stand_in[] = "#!/usr/bin/python3\n"
                                "    if len(head) < 4: sys.exit(0)\n"
                                "    q = json.loads(sys.stdin.buffer.read(struct.unpack('<I', head)[0]))\n"
                                "    if q['do'] == 'die': os._exit(3)\n"
-                               "    if q['do'] == 'hang': time.sleep(30)\n"
+                               "    if q['do'] == 'hang': time.sleep(300)\n"
                                "    text = b'{no' if q['do'] == 'babble' else json.dumps({'id': q['id'], "
                                "'size': len(q.get('pad', ''))}).encode()\n"
                                "    head = struct.pack('<I', 1 << 30 if q['do'] == 'boast' else len(text))\n"
@@ -57,7 +57,7 @@ static int set_up(void **state) {
     close(fd);
     clock_init_virtual(&f.clock);
     bench_init(&f.bench, &f.clock);
-    assert_int_equal(estimator_new(&f.estimator, &f.bench, f.program, 2, NULL), 0);
+    assert_int_equal(estimator_new(&f.estimator, &f.bench, f.program, 0, NULL), 0);
     *state = &f;
     return 0;
 }
@@ -102,10 +102,16 @@ static void death_is_an_answer_and_the_next_question_starts_a_new_child(void **s
     assert_int_equal(f->id, 2);
 }
 
-static void silence_babble_and_boasts_end_the_child(void **state) {
+static void silence_ends_the_child(void **state) {
     struct fixture *f = *state;
+    estimator_free(f->estimator);
+    assert_int_equal(estimator_new(&f->estimator, &f->bench, f->program, 1, NULL), 0);
     ask(f, "{\"id\":1,\"do\":\"hang\"}");
     assert_non_null(strstr(f->text, "did not answer in time"));
+}
+
+static void babble_and_boasts_end_the_child(void **state) {
+    struct fixture *f = *state;
     ask(f, "{\"id\":1,\"do\":\"babble\"}");
     assert_non_null(strstr(f->text, "not JSON"));
     ask(f, "{\"id\":1,\"do\":\"boast\"}");
@@ -144,7 +150,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_question_is_answered_and_virtual_time_waits, set_up, tear_down),
         cmocka_unit_test_setup_teardown(death_is_an_answer_and_the_next_question_starts_a_new_child, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(silence_babble_and_boasts_end_the_child, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(silence_ends_the_child, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(babble_and_boasts_end_the_child, set_up, tear_down),
         cmocka_unit_test_setup_teardown(restarts_are_bounded_until_forgiven, set_up, tear_down),
         cmocka_unit_test(an_absent_program_is_named),
     };

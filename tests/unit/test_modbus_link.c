@@ -11,10 +11,11 @@
 #include <unistd.h>
 
 #include "drivers/modbus_link.h"
+#include "tests/support/kept.h"
 #include "tests/support/modbus_peer.h"
 
-#define RESPONSE_MS 100
-#define QUARANTINE_MS 150
+#define RESPONSE_MS 300 /* the peer is a thread: on a busy machine it answers late */
+#define QUARANTINE_MS 450
 
 static struct modbus_peer peer;
 static struct modbus_link bus;
@@ -86,14 +87,15 @@ static void registers_are_read_and_written(void **state) {
 /* One reply is late and healthy traffic goes on around it: a wrong register must never be handed out. */
 static void a_late_reply_never_becomes_a_value(void **state) {
     (void)state;
-    static const int LATE_MS[] = {130, 330, 450}; /* within the quarantine, and twice beyond it */
+    static const int LATE_MS[] = {RESPONSE_MS + 90, RESPONSE_MS + QUARANTINE_MS + 240,
+                                  1350}; /* within the quarantine, and twice beyond it */
     for (int k = 0; k < 6; k++) {
         struct peer_act act[400] = {{0, 0}};
         act[0].delay_ms = LATE_MS[k % 3];
         act[37].delay_ms = k < 3 ? LATE_MS[k % 3] : 0;
         start(k >= 3, act, 400);
         int good = 0;
-        int64_t end = clock_stamp(&clock_) + 800000;
+        int64_t end = clock_stamp(&clock_) + 2400000;
         while (clock_stamp(&clock_) < end) {
             struct modbus_request rq;
             int addr = 100 + good % 50, result = read_regs(&rq, addr, 1);
@@ -156,12 +158,18 @@ static void a_timeout_is_bounded(void **state) {
     (void)state;
     static const struct peer_act ACT[] = {{0, PEER_DROP}};
     for (int tcp = 0; tcp < 2; tcp++) {
-        start(tcp, ACT, 1);
-        struct modbus_request rq;
-        int64_t before = clock_stamp(&clock_);
-        assert_int_equal(read_regs(&rq, 10, 1), -ERR_TIMEOUT);
-        assert_in_range(clock_stamp(&clock_) - before, RESPONSE_MS * 1000, RESPONSE_MS * 1000 + 100000);
-        stop();
+        int64_t took_us;
+        int tries = 0;
+        do {
+            start(tcp, ACT, 1);
+            struct modbus_request rq;
+            int64_t before = clock_stamp(&clock_);
+            assert_int_equal(read_regs(&rq, 10, 1), -ERR_TIMEOUT);
+            took_us = clock_stamp(&clock_) - before;
+            assert_true(took_us >= RESPONSE_MS * 1000);
+            stop();
+        } while (!kept(&tries, tcp ? "a timeout over TCP" : "a timeout over RTU", took_us,
+                       RESPONSE_MS * 1000 + 50000));
     }
 }
 
@@ -190,12 +198,14 @@ static void a_server_that_went_is_found_again(void **state) {
     peer.listen_fd = dup(listener); /* keeps the port while the peer is away */
     shutdown(peer.fd, SHUT_RDWR);
     clock_gap(&clock_, 20000);
+    int64_t before = clock_stamp(&clock_);
     assert_true(read_regs(&rq, 10, 1) < 0);
     struct modbus_link_state s;
     modbus_link_state(&bus, &s);
     assert_false(s.connected);
-    assert_true(s.ready_us - clock_stamp(&clock_) > 400000); /* the first step of the back-off */
-    assert_int_equal(read_regs(&rq, 10, 1), -ERR_LINK);
+    assert_true(s.ready_us - before > 400000); /* the first step of the back-off */
+    int result = read_regs(&rq, 10, 1);
+    assert_true(result == -ERR_LINK || clock_stamp(&clock_) > s.ready_us);
     wait_until_ready();
     assert_int_equal(read_regs(&rq, 10, 1), 0);
     close(listener);

@@ -11,10 +11,12 @@
 
 #include "drivers/usb_link.h"
 #include "proto/units.h"
+#include "tests/support/kept.h"
 #include "tests/support/redir_host.h"
 
 #define VID 0x2457
 #define PID 0x101e
+#define PATIENCE_US (10 * US_PER_S) /* with the host, a thread that a busy machine may keep waiting */
 
 struct rig {
     struct clock clock;
@@ -51,7 +53,7 @@ static void finish(struct rig *r) {
 
 static int order(struct rig *r, const char *bytes, size_t n) {
     struct usb_transfer t = {.endpoint = 0x01, .data = (uint8_t *)bytes, .length = n};
-    int rc = usb_link_transfer(&r->link, &r->bench, &t, clock_stamp(&r->clock) + US_PER_S, NULL, &r->e);
+    int rc = usb_link_transfer(&r->link, &r->bench, &t, clock_stamp(&r->clock) + PATIENCE_US, NULL, &r->e);
     return rc ? rc : t.status;
 }
 
@@ -66,7 +68,7 @@ static bool home(void *arg) {
 }
 
 static void await(struct rig *r, struct usb_transfer *t) {
-    assert_int_equal(bench_wait(&r->bench, clock_stamp(&r->clock) + US_PER_S, home, t, NULL), BENCH_DONE);
+    assert_int_equal(bench_wait(&r->bench, clock_stamp(&r->clock) + PATIENCE_US, home, t, NULL), BENCH_DONE);
 }
 
 static void reads_are_held_by_endpoint(void **state) {
@@ -129,60 +131,78 @@ static void a_deadline_takes_the_read_back(void **state) {
     connected(&r, NULL);
     uint8_t data[512];
     struct usb_transfer t = {.endpoint = 0x82, .data = data, .length = sizeof data};
-    int64_t begin = clock_stamp(&r.clock);
-    assert_int_equal(usb_link_transfer(&r.link, &r.bench, &t, begin + 50000, NULL, &r.e), -ERR_TIMEOUT);
-    assert_in_range(clock_stamp(&r.clock) - begin, 50000, 150000);
-    assert_false(t.pending);
-    assert_int_equal(t.status, -ECANCELED);
+    int64_t begin, took_us;
+    int tries = 0;
+    do {
+        begin = clock_stamp(&r.clock);
+        err_clear(&r.e);
+        assert_int_equal(usb_link_transfer(&r.link, &r.bench, &t, begin + 50000, NULL, &r.e), -ERR_TIMEOUT);
+        took_us = clock_stamp(&r.clock) - begin;
+        assert_true(took_us >= 50000);
+        assert_false(t.pending);
+        assert_int_equal(t.status, -ECANCELED);
+    } while (!kept(&tries, "a deadline of 50 ms", took_us, 100000));
     struct cancel cancel = {true};
     err_clear(&r.e);
     assert_int_equal(usb_link_transfer(&r.link, &r.bench, &t, begin + US_PER_S, &cancel, &r.e),
                      -ERR_CANCELLED);
     assert_int_equal(order(&r, "D\x05\x00", 3), 0); /* the link still works, and the cancelled read is dead */
     err_clear(&r.e);
-    assert_int_equal(usb_link_transfer(&r.link, &r.bench, &t, clock_stamp(&r.clock) + US_PER_S, NULL, &r.e),
-                     0);
+    assert_int_equal(
+        usb_link_transfer(&r.link, &r.bench, &t, clock_stamp(&r.clock) + PATIENCE_US, NULL, &r.e), 0);
     assert_int_equal(t.actual, 5);
     finish(&r);
 }
 
+/* How long it took. */
+static int64_t lose_device(const char *way) {
+    struct rig r;
+    connected(&r, NULL);
+    uint8_t data[512], reply[64];
+    struct usb_transfer a, b;
+    queue(&r, &a, 0x82, data, sizeof data);
+    queue(&r, &b, 0x81, reply, sizeof reply);
+    int64_t begin = clock_stamp(&r.clock);
+    order(&r, way, 1);
+    await(&r, &a);
+    await(&r, &b);
+    int64_t took_us = clock_stamp(&r.clock) - begin;
+    assert_int_equal(a.status, -ENODEV);
+    assert_int_equal(b.status, -ENODEV);
+    err_clear(&r.e);
+    assert_int_equal(r.link.ops->submit(r.link.self, &a, &r.e), -ERR_LINK);
+    assert_false(a.pending);
+    finish(&r);
+    return took_us;
+}
+
 static void a_lost_device_completes_everything_at_once(void **state) {
     (void)state;
-    for (int way = 0; way < 2; way++) {
-        struct rig r;
-        connected(&r, NULL);
-        uint8_t data[512], reply[64];
-        struct usb_transfer a, b;
-        queue(&r, &a, 0x82, data, sizeof data);
-        queue(&r, &b, 0x81, reply, sizeof reply);
-        int64_t begin = clock_stamp(&r.clock);
-        order(&r, way ? "X" : "K", 1);
-        await(&r, &a);
-        await(&r, &b);
-        assert_true(clock_stamp(&r.clock) - begin < 200000);
-        assert_int_equal(a.status, -ENODEV);
-        assert_int_equal(b.status, -ENODEV);
-        err_clear(&r.e);
-        assert_int_equal(r.link.ops->submit(r.link.self, &a, &r.e), -ERR_LINK);
-        assert_false(a.pending);
-        finish(&r);
-    }
+    for (int way = 0, tries = 0; way < 2; way += kept(&tries, "a loss", lose_device(way ? "X" : "K"), 200000))
+        ;
+}
+
+static int64_t recall_from_hung_host(void) {
+    struct rig r;
+    connected(&r, NULL);
+    uint8_t data[512];
+    struct usb_transfer t, *one = &t, out = {.endpoint = 0x01, .data = (uint8_t *)"H", .length = 1};
+    queue(&r, &t, 0x82, data, sizeof data);
+    /* not even this order is answered */
+    usb_link_transfer(&r.link, &r.bench, &out, clock_stamp(&r.clock) + US_PER_S, NULL, &r.e);
+    int64_t begin = clock_stamp(&r.clock);
+    usb_link_recall(&r.link, &r.bench, &one, 1);
+    int64_t took_us = clock_stamp(&r.clock) - begin;
+    assert_false(t.pending);
+    assert_int_equal(t.status, -ECANCELED);
+    finish(&r);
+    return took_us;
 }
 
 static void a_hung_host_cannot_keep_a_transfer(void **state) {
     (void)state;
-    struct rig r;
-    connected(&r, NULL);
-    uint8_t data[512];
-    struct usb_transfer t, *one = &t;
-    queue(&r, &t, 0x82, data, sizeof data);
-    order(&r, "H", 1); /* not even this order is answered */
-    int64_t begin = clock_stamp(&r.clock);
-    usb_link_recall(&r.link, &r.bench, &one, 1);
-    assert_false(t.pending);
-    assert_int_equal(t.status, -ECANCELED);
-    assert_true(clock_stamp(&r.clock) - begin <= USB_LINK_CANCEL_MS * US_PER_MS);
-    finish(&r);
+    for (int tries = 0; !kept(&tries, "a recall", recall_from_hung_host(), USB_LINK_CANCEL_MS * US_PER_MS);)
+        ;
 }
 
 static int try_open(struct rig *r, enum redir_host_manner manner, uint16_t pid) {

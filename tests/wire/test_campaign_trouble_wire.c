@@ -98,7 +98,7 @@ static void the_bench_hangs_for_some_seconds(void **state) {
     laboratory_await(&lab, "\"points\":{\"done\":1", DONE_MS);
     session_name(path, name);
     kill(lab.sim.pid, SIGSTOP);
-    real_sleep_ms(3000);
+    real_sleep_ms(SIM_PROCESS_WATCHDOG_MS + 2000);
     kill(lab.sim.pid, SIGCONT);
     laboratory_await(&lab, "alarm 85h", DONE_MS); /* the drives' own watchdogs: a person has to look */
     laboratory_await(&lab, "\"state\":\"held\"", DONE_MS);

@@ -12,6 +12,7 @@
 
 #include "drivers/spectrometer.h"
 #include "proto/units.h"
+#include "tests/support/kept.h"
 #include "tests/support/sim_process.h"
 
 #define EXPOSURE_US 60000
@@ -57,10 +58,7 @@ static void driver_close(struct rig *r) {
     r->s = NULL;
 }
 
-/* Scans, required discards, half an idle cycle and the read-outs, and a tenth on top. Two runs of the sets are
- * given to a machine that is busy with other things. */
-static double spent_share(struct rig *r) {
-    const struct spectrometer_model *m = spectrometer_model(r->s);
+static int64_t take_sets(struct rig *r) {
     int64_t spent = 0;
     for (int i = 0; i < SETS; i++) {
         bench_wait(&r->bench, clock_stamp(&r->clock) + 200000 + i * 9000, NULL, NULL, NULL);
@@ -70,8 +68,14 @@ static double spent_share(struct rig *r) {
         for (int f = 0; f < SCANS; f++)
             assert_true(r->frames[f].start_us >= settled && r->frames[f].end_us <= clock_now_us(&r->clock));
     }
+    return spent;
+}
+
+/* Scans, required discards, half an idle cycle and the read-outs, and a tenth on top. */
+static int64_t sets_limit_us(const struct rig *r) {
+    const struct spectrometer_model *m = spectrometer_model(r->s);
     int frames = SCANS + m->discards;
-    return (double)spent / (SETS * ((frames + m->idle_cycles) * EXPOSURE_US + frames * m->readout_us));
+    return (int64_t)(1.10 * SETS * ((frames + m->idle_cycles) * EXPOSURE_US + frames * m->readout_us));
 }
 
 static void a_set_takes_no_longer_than_it_must(void **state) {
@@ -81,11 +85,8 @@ static void a_set_takes_no_longer_than_it_must(void **state) {
         sim_start(&r, MODEL[m], "tcp:0");
         driver_open(&r, MODEL[m]);
         assert_int_equal(spectrometer_set_exposure(r.s, EXPOSURE_US, NULL, &r.e), 0);
-        double share = spent_share(&r);
-        if (share > 1.10)
-            share = spent_share(&r);
-        print_message("# %s: %.3f of scans + discards + idle + read-out\n", MODEL[m], share);
-        assert_true(share <= 1.10);
+        for (int tries = 0; !kept(&tries, MODEL[m], take_sets(&r), sets_limit_us(&r));)
+            ;
         driver_close(&r);
         assert_int_equal(sim_process_stop(&r.sim, SIGTERM), 0);
     }
@@ -105,8 +106,8 @@ static void killer_run(void *self) {
     sim_process_stop(((struct killer *)self)->sim, SIGKILL);
 }
 
-static void an_unplugged_unit_is_noticed_at_once(void **state) {
-    (void)state;
+/* How long after the unplugging the acquisition ended. */
+static int64_t unplug(void) {
     struct rig r;
     sim_start(&r, MODEL[1], "tcp:0");
     driver_open(&r, MODEL[1]);
@@ -117,8 +118,15 @@ static void an_unplugged_unit_is_noticed_at_once(void **state) {
     int64_t now = clock_now_us(&r.clock);
     assert_int_equal(spectrometer_acquire(r.s, 1, now, r.frames, NULL, &r.e), -ERR_LINK);
     assert_non_null(strstr(r.e.text, "cable"));
-    assert_true(clock_stamp(&r.clock) - k.at_us < 500000);
+    int64_t took_us = clock_stamp(&r.clock) - k.at_us;
     driver_close(&r);
+    return took_us;
+}
+
+static void an_unplugged_unit_is_noticed_at_once(void **state) {
+    (void)state;
+    for (int tries = 0; !kept(&tries, "the loss of a unit", unplug(), 500000);)
+        ;
 }
 
 static void a_session_that_died_leaves_no_trace(void **state) {
