@@ -3,7 +3,7 @@
  *
  * {"program", "command", "scene", "materials": [{"name", "source", "sha256", "model", "parameters", "u", "kappa",
  * "held_bands_nm", "held_share"}], "lights", "observer", "space", "adaptation", "exposure", "white", "grid", "bounces", "energy",
- * "left_out", "kept", "bound", "counts", "clipped", "out_of_gamut", "max_y"}; of recoloured planes also "rendered", the
+ * "left_out", "kept", "bound", "counts", "noise_y", "clipped", "out_of_gamut", "max_y"}; of recoloured planes also "rendered", the
  * origin of these, and "spectrum_of" in a material whose S(lambda) is now that of another session.
  * Checked    tests/unit/test_goniorender.py
  */

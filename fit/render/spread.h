@@ -14,7 +14,7 @@
  * Units      X, Y, Z: 1 for the perfect diffuser's Y. CIELAB under the scene's own white.
  * Domain     one bounce: of several, a, b, c are not all of the picture.
  * Errors     those of render_planes and spread_paint_make; -ERR_CANCELLED; -ERR_STATE a scene of several bounces.
- * Checked    tests/unit/test_render_spread.c: each draw rendered anew, the Jacobian by rendering
+ * Checked    tests/unit/test_render_noise.c; test_render_spread.c: each draw rendered anew, the Jacobian by rendering
  */
 #ifndef FIT_RENDER_SPREAD_H
 #define FIT_RENDER_SPREAD_H

@@ -7,7 +7,7 @@
  * At random  an integrator that draws does so `repeats` times from each hit, repeat r from trace_sampler(.., r, ..). The
  *            repeats belong to TRACE_GROUPS groups drawn independently of each other: how far the groups' Y differ is
  *            the noise of the pixel. trace_count takes the Y of each repeat.
- * Checked    tests/unit/test_render.c, test_trace_area.c
+ * Checked    tests/unit/test_render.c, test_trace_area.c, test_render_noise.c
  */
 #ifndef FIT_RENDER_TRACE_H
 #define FIT_RENDER_TRACE_H
