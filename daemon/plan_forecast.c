@@ -95,6 +95,8 @@ static int take_angles(struct estimate_input *in, const struct points *p, const 
         .u_zero_sample_deg = config->sample.u_zero_deg,
         .source_width_deg = config->optics.source_width_deg,
         .sensor_width_deg = config->optics.sensor_width_deg,
+        .polarisation = config->optics.polarisation_p,
+        .u_polarisation = config->optics.u_polarisation,
         .kappa = 1,
         .mean_low_nm = job->mean_nm[0],
         .mean_high_nm = job->mean_nm[1],
@@ -118,8 +120,10 @@ static json_t *set_json(const struct published *set, const struct forecast *f) {
     json_t *gaps = json_array();
     for (int p = 0; p < MATERIAL_PARAMETERS; p++)
         if (f->not_identifiable[p])
-            json_array_append_new(gaps, json_pack("{s:s, s:s}", "parameter",
-                                                  material_parameter_name(MODEL, p), "why", f->why[p]));
+            json_array_append_new(gaps, json_pack("{s:s, s:s, s:{s:f, s:f}}", "parameter",
+                                                  material_parameter_name(MODEL, p), "why", f->why[p],
+                                                  "measure_next", "theta_i_deg", f->next[p].theta_i_deg,
+                                                  "theta_v_deg", f->next[p].theta_v_deg));
     return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "name", set->name, "description",
                      set->description, "parameters", named(set->value), "std", named(f->u), "std_statistical",
                      named(f->statistical), "std_common", named(f->common), "not_identifiable", gaps);
@@ -173,9 +177,13 @@ static void print_gaps(const json_t *set, FILE *out) {
     const json_t *gap;
     size_t i;
     json_array_foreach(json_object_get(set, "not_identifiable"), i, gap) {
-        fprintf(out, "  not identifiable on %s: %s: %s\n", json_string_value(json_object_get(set, "name")),
+        const json_t *next = json_object_get(gap, "measure_next");
+        fprintf(out, "  not identifiable on %s: %s: %s; measure next at incidence %g deg, viewing %g deg\n",
+                json_string_value(json_object_get(set, "name")),
                 json_string_value(json_object_get(gap, "parameter")),
-                json_string_value(json_object_get(gap, "why")));
+                json_string_value(json_object_get(gap, "why")),
+                json_number_value(json_object_get(next, "theta_i_deg")),
+                json_number_value(json_object_get(next, "theta_v_deg")));
     }
 }
 
@@ -185,7 +193,8 @@ void plan_forecast_print(const json_t *forecast, FILE *out) {
     fprintf(
         out,
         "To be expected of the published paints at these %d points, u by counting (%.2g of a mean), axes, "
-        "zeros and\ncertificate (%.2g); lamp drift, darks, stray light and linearity come on top:\n  %-10s",
+        "zeros,\npolarisation and certificate (%.2g); lamp drift, darks, stray light and linearity come on "
+        "top:\n  %-10s",
         (int)json_integer_value(json_object_get(forecast, "points")),
         json_number_value(json_object_get(forecast, "noise_relative")),
         json_number_value(json_object_get(forecast, "certificate_relative")), "");

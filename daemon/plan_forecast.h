@@ -3,10 +3,11 @@
  *
  * For the points of the job's first sample: standard uncertainty of each parameter, and which ones those angles will not
  * identify. Noise is the counting noise of the visible mean at the job's exposures; no light has been seen yet, so the lamp is
- * taken to give half its peak over the mean's range, and a grating to spread 650 nm over the pixels. Axes, zeros, filling and
+ * taken to give half its peak over the mean's range, and a grating to spread 650 nm over the pixels. Axes, zeros, polarisation, filling and
  * certificate are those of config and job. u is relative to the parameter.
  * JSON       {"sample", "points", "noise_relative", "certificate_relative", "sets": [{"name", "description", "parameters",
- *            "std", "std_statistical", "std_common", "not_identifiable": [{"parameter", "why"}]}]}; an infinite number is null
+ *            "std", "std_statistical", "std_common", "not_identifiable": [{"parameter", "why", "measure_next": {"theta_i_deg",
+ *            "theta_v_deg"}}]}]}; an infinite number is null
  * Errors     NULL with the reason in e.
  * Checked    tests/unit/test_plan_forecast.c
  */

@@ -18,7 +18,9 @@ struct covariance {
     int k;
     double value[MATERIAL_PARAMETERS];
     double chain[COORDINATES_MAX * COORDINATES_MAX];
-    double *slope;                               /* [n * k] along the coordinates */
+    double *twice; /* [k][n] room */
+    double *slope; /* [k][n] along the coordinates, weighted, less what the nuisances explain */
+    double fisher[COORDINATES_MAX * COORDINATES_MAX];
     double l[COORDINATES_MAX * COORDINATES_MAX]; /* of J^T W J scaled to a unit diagonal */
     double scale[COORDINATES_MAX];
     double statistical[COORDINATES_MAX * COORDINATES_MAX]; /* of the coordinates */
@@ -47,26 +49,34 @@ static int fill_readings(struct problem *p, const struct forecast_noise *noise, 
 }
 
 static void take_slopes(struct covariance *c, const struct problem *p) {
-    for (size_t i = 0; i < p->n; i++) {
-        for (int j = 0; j < c->k; j++) {
-            double sum = 0;
+    for (int j = 0; j < c->k; j++) {
+        double *slope = c->slope + (size_t)j * p->n;
+        for (size_t i = 0; i < p->n; i++) {
+            slope[i] = 0;
             for (int m = 0; m < c->k; m++) {
-                sum += p->gradient[i * (size_t)c->k + (size_t)m] * c->chain[m * c->k + j];
+                slope[i] += p->gradient[i * (size_t)c->k + (size_t)m] * c->chain[m * c->k + j];
             }
-            c->slope[i * (size_t)c->k + (size_t)j] = sum;
+            slope[i] *= p->root_weight[i];
         }
+        nuisance_whiten(p, slope);
     }
+}
+
+static double dot(size_t n, const double *a, const double *b) {
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
 }
 
 /* False: the angles do not tell the parameters. */
 static bool invert(struct covariance *c, const struct problem *p) {
     const int k = c->k;
-    double fisher[COORDINATES_MAX * COORDINATES_MAX] = {0};
-    for (size_t i = 0; i < p->n; i++) {
-        const double *row = c->slope + i * (size_t)k, w = 1 / (p->u[i] * p->u[i]);
-        for (int a = 0; a < k * k; a++) {
-            fisher[a] += w * row[a / k] * row[a % k];
-        }
+    double fisher[COORDINATES_MAX * COORDINATES_MAX];
+    for (int a = 0; a < k * k; a++) {
+        c->fisher[a] = fisher[a] =
+            dot(p->n, c->slope + (size_t)(a / k) * p->n, c->slope + (size_t)(a % k) * p->n);
     }
     for (int a = 0; a < k; a++) {
         c->scale[a] = fisher[a * k + a] > 0 ? 1 / sqrt(fisher[a * k + a]) : 0;
@@ -74,28 +84,47 @@ static bool invert(struct covariance *c, const struct problem *p) {
     for (int a = 0; a < k * k; a++) {
         fisher[a] *= c->scale[a / k] * c->scale[a % k];
     }
-    if (!(cholesky_condition(k, fisher) < CONDITION_MAX) || !cholesky_factor(k, fisher, c->l)) {
-        return false;
-    }
-    for (int a = 0; a < k; a++) {
-        double column[COORDINATES_MAX] = {0};
-        column[a] = 1;
-        cholesky_solve(k, c->l, column, column);
-        for (int b = 0; b < k; b++) {
-            c->statistical[b * k + a] = column[b] * c->scale[a] * c->scale[b];
-        }
-    }
-    return true;
+    return cholesky_condition(k, fisher) < CONDITION_MAX && cholesky_factor(k, fisher, c->l);
 }
 
-/* One cause: change[i] of beta for one standard uncertainty of it. */
-static void add_cause(struct covariance *c, const struct problem *p, const double *change) {
+/* Variance of what the counting noise alone does: inverse S2^T S2 inverse, S2 the slopes whitened once more. Without
+ * nuisances S2 is the slopes, and this the inverse. */
+static void add_noise(struct covariance *c, const struct problem *p) {
     const int k = c->k;
-    double moved[COORDINATES_MAX] = {0};
-    for (size_t i = 0; i < p->n; i++) {
-        for (int j = 0; j < k; j++) {
-            moved[j] += c->slope[i * (size_t)k + (size_t)j] * change[i] / (p->u[i] * p->u[i]) * c->scale[j];
+    double by[COORDINATES_MAX][COORDINATES_MAX];
+    for (int j = 0; j < k; j++) {
+        nuisance_whiten(
+            p, memcpy(c->twice + (size_t)j * p->n, c->slope + (size_t)j * p->n, p->n * sizeof(double)));
+    }
+    for (int a = 0; a < k; a++) { /* rows of S2^T S2, then of its product with the inverse */
+        for (int b = 0; b < k; b++) {
+            by[a][b] = dot(p->n, c->twice + (size_t)a * p->n, c->twice + (size_t)b * p->n) * c->scale[a] *
+                       c->scale[b];
         }
+        cholesky_solve(k, c->l, by[a], by[a]);
+    }
+    for (int b = 0; b < k; b++) {
+        double column[COORDINATES_MAX];
+        for (int a = 0; a < k; a++) {
+            column[a] = by[a][b];
+        }
+        cholesky_solve(k, c->l, column, column);
+        for (int a = 0; a < k; a++) {
+            c->statistical[a * k + b] = column[a] * c->scale[a] * c->scale[b];
+        }
+    }
+}
+
+/* One cause: change[i] of beta for one standard uncertainty of it; used up. */
+static void add_cause(struct covariance *c, const struct problem *p, double *change) {
+    const int k = c->k;
+    double moved[COORDINATES_MAX];
+    for (size_t i = 0; i < p->n; i++) {
+        change[i] *= p->root_weight[i];
+    }
+    nuisance_whiten(p, change);
+    for (int j = 0; j < k; j++) {
+        moved[j] = dot(p->n, c->slope + (size_t)j * p->n, change) * c->scale[j];
     }
     cholesky_solve(k, c->l, moved, moved);
     for (int a = 0; a < k * k; a++) {
@@ -115,6 +144,10 @@ static void add_causes(struct covariance *c, const struct problem *p, double cer
     add_cause(c, p, change);
     for (size_t i = 0; i < p->n; i++) {
         change[i] = p->input->u_zero_sample_deg * (p->slope_sample[i] + p->spot_sample[i]);
+    }
+    add_cause(c, p, change);
+    for (size_t i = 0; i < p->n; i++) {
+        change[i] = p->input->u_polarisation * p->slope_polarisation[i];
     }
     add_cause(c, p, change);
 }
@@ -181,9 +214,21 @@ static void know_nothing(const struct problem *p, struct forecast *f) {
     }
 }
 
+static int advise(const struct covariance *c, const struct problem *p, struct forecast *f, struct err *e) {
+    int status = 0;
+    for (int j = 0; j < p->k && !status; j++) {
+        const enum material_parameter at = reflectance_parameter(p->model, j);
+        if (f->not_identifiable[at]) {
+            status = suggest_next(p, c->value, c->fisher, j, &f->next[at], e);
+        }
+    }
+    return status;
+}
+
 static int forecast_problem(struct problem *p, const struct forecast_noise *noise, double certificate_rel,
                             const double *value, double *readings, struct forecast *f, struct err *e) {
-    struct covariance c = {.k = p->k, .slope = readings + 3 * p->n};
+    struct covariance c = {
+        .k = p->k, .slope = readings + 3 * p->n, .twice = readings + (3 + COORDINATES_MAX) * p->n};
     double *beta = readings, *u = readings + p->n, *change = readings + 2 * p->n;
     int status = fill_readings(p, noise, value, beta, u, e);
     if (status || (status = problem_reweigh(p, value, e))) {
@@ -194,11 +239,12 @@ static int forecast_problem(struct problem *p, const struct forecast_noise *nois
     take_slopes(&c, p);
     if (!invert(&c, p)) {
         know_nothing(p, f);
-        return 0;
+        return advise(&c, p, f, e);
     }
+    add_noise(&c, p);
     add_causes(&c, p, certificate_rel, change);
     judge(&c, p, f);
-    return 0;
+    return advise(&c, p, f, e);
 }
 
 int forecast_make(const struct estimate_input *angles, const struct forecast_noise *noise,
@@ -206,7 +252,7 @@ int forecast_make(const struct estimate_input *angles, const struct forecast_noi
     struct problem p;
     struct estimate_input in = *angles;
     *forecast = (struct forecast){0};
-    double *readings = calloc((3 + COORDINATES_MAX) * (angles->n + 1), sizeof *readings);
+    double *readings = calloc((3 + 2 * COORDINATES_MAX) * (angles->n + 1), sizeof *readings);
     if (!readings) {
         return err_set(e, ERR_NOMEM, "no memory for a forecast of %zu points", angles->n);
     }

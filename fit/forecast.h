@@ -2,11 +2,12 @@
  * forecast.h — what a fit will know of a surface, from the angles alone, before anything is measured.
  *
  * Covariance H V H^T (measurement.md 8) of the model's parameters at assumed values, its weights and slopes those of
- * struct problem: independent are the counting noise and the axis repeatability, common the certificate (one scale) and the
- * axis zeros at their priors (a fit that finds the mirror offset in its points states less). Drift, darks and stray light
- * are left out: a campaign keeps them below these. A parameter is named as not identifiable where its u passes half its
+ * struct problem: independent are the counting noise and the axis repeatability, common the certificate (one scale), the
+ * axis zeros and the polarisation. Mirror offset and P are free with their priors, as they are in the fit
+ * (fit/nuisance.h). Drift, darks and stray light are left out: a campaign keeps them below these. A parameter is named as not identifiable where its u passes half its
  * size (of n: of n - 1), as in the verdict of a fit; or where another one takes its part so closely (correlation beyond
- * 0.9995) that its u rests on a model without error, which no paint obeys.
+ * 0.9995) that its u rests on a model without error, which no paint obeys. Such a one comes with the geometry that would
+ * tell the most about it (fit/suggest.h).
  *
  * Noise      u of a visible mean of a reading at its exposure's target, of counting and of reading out; what is dimmer than
  *            1 / span of the brightest geometry stays below the target, for its exposure is at its longest.
@@ -19,7 +20,7 @@
 #ifndef FIT_FORECAST_H
 #define FIT_FORECAST_H
 
-#include "fit/estimate.h"
+#include "fit/suggest.h"
 #include "fit/published.h"
 
 #ifdef __cplusplus
@@ -38,10 +39,11 @@ struct forecast {
         common[MATERIAL_PARAMETERS]; /* standard */
     bool not_identifiable[MATERIAL_PARAMETERS];
     char why[MATERIAL_PARAMETERS][160];
+    struct suggestion next[MATERIAL_PARAMETERS]; /* where not identifiable */
 };
 
-/* angles: n, theta_i_deg, theta_v_deg, mirrored, the uncertainties of the axes, filling, reference, widths and model of a
- * fit's input; the rest is not read. */
+/* angles: n, theta_i_deg, theta_v_deg, mirrored, the uncertainties of the axes, polarisation, hold_offset, filling,
+ * reference, widths and model of a fit's input; the rest is not read. */
 int forecast_make(const struct estimate_input *angles, const struct forecast_noise *noise,
                   double certificate_rel, const double *value, struct forecast *forecast, struct err *e);
 

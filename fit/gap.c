@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "fit/advice.h"
+#include "fit/suggest.h"
 #include "fit/words.h"
 #include "proto/units.h"
 
@@ -88,8 +88,8 @@ static void say_why(const struct gap *gap, const struct problem *p, const double
 int gap_explain(const struct gap *gap, const struct problem *p, const double *value,
                 const struct uncertainty *u, struct estimate *m, struct err *e) {
     const enum material_parameter at = reflectance_parameter(p->model, gap->column);
-    struct advice next = {0};
-    int status = advice_next(p, value, u, gap->column, &next, e);
+    struct suggestion next = {0};
+    int status = suggest_next(p, value, u->fisher, gap->column, &next, e);
     say_why(gap, p, value, m);
     m->gap[at].has_next = status == 0;
     m->gap[at].next_theta_i_deg = next.theta_i_deg;

@@ -3,7 +3,7 @@
  *
  * Why, the first that holds: no lobe shows it; every value within its bounds fits; fewer than two points lie on the
  * flank of its lobe; it trades with another parameter (correlation beyond 0.9); it is known to so many per cent only.
- * The geometry is that of fit/advice.h. Both into estimate->gap, and as a warning.
+ * The geometry is that of fit/suggest.h. Both into estimate->gap, and as a warning.
  * Errors     -ERR_NOMEM.
  * Checked    tests/unit/test_identifiability.c
  */

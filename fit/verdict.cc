@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <string>
 
-#include "fit/advice.h"
+#include "fit/suggest.h"
 #include "fit/crossval.h"
 #include "fit/gap.h"
 #include "fit/instrument.h"
@@ -135,8 +135,8 @@ int Verdict::refuse(struct err *e) {
         }
         worst = std::fabs(u_.weakest[j]) > std::fabs(u_.weakest[worst]) ? j : worst;
     }
-    struct advice next = {};
-    int status = advice_next(p_, fit_->value, &u_, worst, &next, e);
+    struct suggestion next = {};
+    int status = suggest_next(p_, fit_->value, u_.fisher, worst, &next, e);
     words_refuse(
         out_,
         "these points do not determine %s (%s; condition of the Jacobian %.0e): measure on, best next at "

@@ -55,6 +55,7 @@ static void the_index_needs_steep_incidence(void **state) {
         assert_true(narrow.not_identifiable[MATERIAL_N] == !wide_lobe);
         assert_true(narrow.not_identifiable[MATERIAL_BETA_PRIME] == !wide_lobe);
         assert_true(wide_lobe || strstr(narrow.why[MATERIAL_N], "beta'"));
+        assert_true(wide_lobe || narrow.next[MATERIAL_N].theta_i_deg == 60); /* as steep as it may say */
         assert_false(narrow.not_identifiable[MATERIAL_S] || narrow.not_identifiable[MATERIAL_GAMMA]);
     }
 }
@@ -75,7 +76,9 @@ static void is_what_the_fit_then_states(void **state) {
         m.input.u_repeat_sample_deg = 0.003;
         m.input.u_zero_source_deg = 0.005;
         m.input.filling = ESTIMATE_VIEW_IN_BEAM;
-        m.input.hold_offset = true; /* the forecast takes the zeros at their priors */
+        m.input.u_zero_sample_deg = 0.01;
+        m.input.u_polarisation = 0.02;
+        m.input.hold_offset = set % 2; /* found in the points, or among the common parts */
         assert_int_equal(forecast_make(&m.input, &sheet, 0.004, published[set].value, &f, NULL), 0);
         m.input.n_common = 1;
         m.input.common = &certificate;
@@ -83,6 +86,28 @@ static void is_what_the_fit_then_states(void **state) {
         for (int p = 0; p <= MATERIAL_N; p++) {
             assert_float_equal(f.statistical[p], sqrt(estimate.statistical[p][p]), 0.01 * f.statistical[p]);
             assert_float_equal(f.common[p], sqrt(estimate.common[p][p]), 0.01 * f.common[p]);
+        }
+    }
+}
+
+/* One point more where the forecast says takes more off u(n) than one anywhere else on a coarse grid. */
+static void what_it_says_to_measure_next_tells_the_most(void **state) {
+    (void)state;
+    const int set = 0;
+    struct forecast narrow = forecast(set, 30, 0), best, other;
+    assert_true(narrow.not_identifiable[MATERIAL_N]);
+    const struct suggestion next = narrow.next[MATERIAL_N];
+    const size_t n = m.input.n++;
+    m.theta_i_deg[n] = next.theta_i_deg;
+    m.theta_v_deg[n] = next.theta_v_deg;
+    assert_int_equal(forecast_make(&m.input, &sheet, 0, published[set].value, &best, NULL), 0);
+    assert_true(best.statistical[MATERIAL_N] < 0.5 * narrow.statistical[MATERIAL_N]);
+    for (double i_deg = 10; i_deg <= 60; i_deg += 10) {
+        for (double v_deg = -70; v_deg <= 70; v_deg += 20) {
+            m.theta_i_deg[n] = i_deg;
+            m.theta_v_deg[n] = v_deg;
+            assert_int_equal(forecast_make(&m.input, &sheet, 0, published[set].value, &other, NULL), 0);
+            assert_true(best.statistical[MATERIAL_N] < 1.02 * other.statistical[MATERIAL_N]);
         }
     }
 }
@@ -115,8 +140,11 @@ static void angles_that_tell_nothing(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(is_the_cramer_rao_bound),     cmocka_unit_test(the_index_needs_steep_incidence),
-        cmocka_unit_test(is_what_the_fit_then_states), cmocka_unit_test(what_is_dim_is_noisier),
+        cmocka_unit_test(is_the_cramer_rao_bound),
+        cmocka_unit_test(the_index_needs_steep_incidence),
+        cmocka_unit_test(is_what_the_fit_then_states),
+        cmocka_unit_test(what_it_says_to_measure_next_tells_the_most),
+        cmocka_unit_test(what_is_dim_is_noisier),
         cmocka_unit_test(angles_that_tell_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -74,6 +74,10 @@ static void names_what_the_angles_will_not_tell(void **state) {
     assert_int_equal(json_array_size(gaps), 2);
     assert_string_equal(json_string_value(json_object_get(json_array_get(gaps, 1), "parameter")), "n");
     assert_non_null(strstr(text, "not identifiable on acrylic: n"));
+    const json_t *next = json_object_get(json_array_get(gaps, 1), "measure_next");
+    assert_true(json_number_value(json_object_get(next, "theta_i_deg")) >
+                45); /* what it lacks is steep incidence */
+    assert_non_null(strstr(text, "; measure next at incidence "));
     json_decref(f);
     free(text);
     f = forecast_of("{pairs: [[10, 0], [20, 0], [30, 20]]}", &text);
