@@ -108,28 +108,39 @@ int bench_run_ours(const struct bench_case *c, int repeats, struct bench_records
     return status;
 }
 
-int bench_run_joint(const struct bench_case *c, int repeats, struct bench_records *records, struct err *e) {
-    double t_us[REPEATS_MAX], value[MATERIAL_PARAMETERS];
-    struct joint_data data;
+static int time_joint(const struct bench_case *c, const struct joint_data *data, const double *start,
+                      enum bench_what what, int repeats, struct bench_records *records, struct err *e) {
+    double t_us[REPEATS_MAX];
     struct joint_solution found = {0};
+    for (int i = 0; i < repeats; i++) {
+        const double begun = stopwatch_s();
+        int status = joint_solve(data, start, false, &found, NULL, e);
+        if (status) {
+            return status;
+        }
+        t_us[i] = 1e6 * (stopwatch_s() - begun);
+    }
+    struct bench_record record = begin(c, "variable projection", what);
+    record.t_us = bench_median(t_us, repeats);
+    record.chi2 = found.chi2;
+    record.evaluations = found.evaluations;
+    memcpy(record.x, found.x, sizeof record.x);
+    return add(records, &record, e);
+}
+
+int bench_run_joint(const struct bench_case *c, int repeats, struct bench_records *records, struct err *e) {
+    double value[MATERIAL_PARAMETERS];
+    struct joint_data data;
     struct problem p = c->p; /* evaluated: its arrays are the case's, its points the same */
     coordinates_to_value(p.model, c->start, value);
     int status = problem_evaluate(&p, value, e);
     if (status || (status = joint_data_init(&data, &p, e))) {
         return status;
     }
-    for (int i = 0; i < repeats && !status; i++) {
-        const double begun = stopwatch_s();
-        status = joint_solve(&data, c->start, false, &found, NULL, e);
-        t_us[i] = 1e6 * (stopwatch_s() - begun);
-    }
+    status = time_joint(c, &data, c->start, BENCH_COLD, repeats, records, e);
+    status = status ? status : time_joint(c, &data, c->warm, BENCH_WARM, repeats, records, e);
     joint_data_free(&data);
-    struct bench_record record = begin(c, "variable projection", BENCH_COLD);
-    record.t_us = status ? 0 : bench_median(t_us, repeats);
-    record.chi2 = found.chi2;
-    record.evaluations = found.evaluations;
-    memcpy(record.x, found.x, sizeof record.x);
-    return status ? status : add(records, &record, e);
+    return status;
 }
 
 static void write_numbers(FILE *f, const char *name, const double *x, int k) {

@@ -33,7 +33,7 @@ int bench_run_ours(const struct bench_case *c, int repeats, struct bench_records
 /* command[]: program and its first arguments, NULL at the end. */
 int bench_run_others(const struct bench_case *c, const char *const *command, int repeats, const char *dir,
                      struct bench_records *records, struct err *e);
-/* Variable projection of bands bands; cold only. */
+/* Variable projection of the bands there are. */
 int bench_run_joint(const struct bench_case *c, int repeats, struct bench_records *records, struct err *e);
 const struct bench_record *bench_find(const struct bench_records *records, const char *of, const char *solver,
                                       const char *kernel, enum bench_what what);

@@ -151,7 +151,7 @@ static int run_bands(struct bench_results *r, const struct options *o, struct er
         status = bench_case_make(&c, &published[2], 0, bands[i], SEED, e);
         snprintf(c.name, sizeof c.name, "%d", bands[i]);
         fprintf(stderr, "%s bands ...\n", c.name);
-        if (!status) {
+        if (!status && !(status = bench_case_settle(&c, e))) {
             status = bench_run_joint(&c, o->quick ? 2 : 31, &r->of_bands, e);
         }
         bench_case_free(&c);
