@@ -6,6 +6,7 @@
  * outline lies between two azimuths and two angles to the normal there: a sector of the unit disc under the half space,
  * from which directions are drawn by their cosine,
  *     density = cos theta * number of sectors that hold the direction / sum of their areas
+ * share: how often that is worth while; less from a shape that may see itself, which its own sphere does not show.
  * A scene of more than AIM_TARGETS outlines is not aimed at: asking each would cost more than it is worth.
  *
  * Promises   the density is that of the draw, for any direction above the surface.
@@ -28,6 +29,7 @@ struct aim_target {
 struct aim {
     int n;
     struct aim_target target[AIM_TARGETS];
+    bool hollow[SCENE_SHAPES];
     double lift_mm; /* nearer to its plane than this a rectangle is not seen */
 };
 
@@ -43,11 +45,11 @@ struct aim_view { /* from one point */
     int n_sectors;
     struct aim_sector sector[AIM_TARGETS];
     int target[AIM_TARGETS]; /* of each sector */
-    double area;
+    double area, share;
 };
 
 void aim_make(struct aim *aim, const struct scene *scene);
-/* n_sectors 0: nothing is seen. */
+/* n_sectors and share 0: nothing is seen. */
 void aim_from(const struct aim *aim, const struct hit *hit, struct aim_view *view);
 /* pick, u: three independent numbers in (0, 1); the view must hold a sector. */
 struct vec3 aim_sample(const struct aim_view *view, double pick, const double u[2]);

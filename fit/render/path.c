@@ -23,7 +23,7 @@ void path_begin(const struct trace *t, const struct hit *hit, struct vec3 v, str
     others -= place->by_facets;
     place->by_glints = place->glints.share * others;
     others -= place->by_glints;
-    place->by_aim = place->seen.n_sectors > 0 ? PATH_AIMS * others : 0;
+    place->by_aim = place->seen.share * others;
     place->by_cosine = others - place->by_aim;
 }
 

@@ -25,10 +25,9 @@
 
 #define PATH_STEPS 31
 #define PATH_SURE 3
-#define PATH_FEATURES                                                                                        \
-    (SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES) /* half vectors are those of each direction */
 #define PATH_GOES_ON 0.95
-#define PATH_AIMS 0.9 /* of what is not drawn by lobes */
+/* Half vectors are those of each direction. */
+#define PATH_FEATURES (SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES)
 
 struct path_place { /* a surface seen along v, and how often directions are drawn there in which way */
     struct hit hit;
