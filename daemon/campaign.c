@@ -116,8 +116,10 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
         return code;
     campaign_store_event(c, "repeat", json_pack("{s:i, s:s}", "step", c->step, "why", why->text));
     bool opened_anew = c->spectrometer_suspect; /* that may be all it needs, whatever it said */
-    if (c->spectrometer_suspect)
+    if (c->spectrometer_suspect) {
         instruments_close_spectrometer(&c->instruments);
+        c->lamp = c->setup.config->shutter == SHUTTER_LAMP_LINE ? -1 : c->lamp;
+    }
     c->spectrometer_suspect = false;
     if ((passes_by_itself(code) || opened_anew) && ++*repeats <= CAMPAIGN_REPEATS)
         return 0;

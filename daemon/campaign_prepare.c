@@ -250,7 +250,9 @@ static bool have_sessions(const struct campaign *c) {
 }
 
 int campaign_prepare(struct campaign *c, struct err *e) {
-    int result = instruments_check_commissioned(&c->instruments, c->plan->uses, e);
+    int result = 0;
+    for (int a = 0; a < STAGE_AXES && result == 0; a++)
+        result = c->plan->uses[a] ? instruments_check_commissioned(&c->instruments, a, e) : 0;
     if (result == 0)
         result = campaign_ready_spectrometer(c, e);
     if (result == 0 && !have_sessions(c))

@@ -105,6 +105,19 @@ static void add_forecast(const struct campaign *c, const struct campaign_job *jo
     }
 }
 
+/* What stands between this plan and its start, and no plan can mend. */
+static void add_before_start(const struct campaign *c, const struct plan *plan, json_t *json, FILE *out) {
+    json_t *all = json_array();
+    for (int a = 0; a < STAGE_AXES; a++) {
+        struct err e = {0};
+        if (!plan->uses[a] || instruments_check_commissioned(&c->instruments, a, &e) == 0)
+            continue;
+        fprintf(out, "%s  %s\n", json_array_size(all) ? "" : "Before the start:\n", e.text);
+        json_array_append_new(all, json_string(e.text));
+    }
+    json_object_set_new(json, "before_start", all);
+}
+
 json_t *campaign_check(void *campaign, const struct desk_run *run, struct err_list *errors) {
     struct campaign_job *job = calloc(1, sizeof *job);
     json_t *plan = NULL;
@@ -116,6 +129,7 @@ json_t *campaign_check(void *campaign, const struct desk_run *run, struct err_li
         plan = plan_to_json(&job->plan, &job->job);
         if (out) {
             plan_print(&job->plan, &job->job, out);
+            add_before_start(campaign, &job->plan, plan, out);
             add_forecast(campaign, job, plan, out);
             fclose(out);
             json_object_set_new(plan, "text", json_string(text));

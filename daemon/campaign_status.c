@@ -91,8 +91,12 @@ static void set_progress(const struct campaign *c, json_t *all) {
 }
 
 static json_t *job_json(const struct campaign *c) {
-    if (!c->current)
+    const json_t *last = c->n_ended ? c->ended[c->n_ended - 1] : NULL;
+    if (!c->current && !last)
         return json_null();
+    if (!c->current)
+        return json_pack("{s:O, s:O}", "number", json_object_get(last, "number"), "name",
+                         json_object_get(last, "name"));
     return json_pack("{s:i, s:s}", "number", c->current->number, "name", c->current->name);
 }
 

@@ -55,7 +55,10 @@ static int read_rows(struct session *s, struct rows *r, struct err *e) {
     if (rc == 0)
         rc = session_each_bracket(s, keep_bracket, r, e);
     if (rc == 0 && r->n == 0)
-        rc = err_set(e, ERR_STATE, "the session holds no final point yet; a bracket must close first");
+        rc = err_set(
+            e, ERR_STATE,
+            "the session holds no final point: no bracket was closed by a reading of the reference. What is "
+            "provisional is in its view point_mean (docs/session-format.md)");
     if (r->n)
         qsort(r->point, r->n, sizeof *r->point, by_angles);
     return rc;

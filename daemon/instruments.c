@@ -269,19 +269,15 @@ void instruments_close(struct instruments *i) {
 
 /* ---- what is known of a unit ---- */
 
-int instruments_check_commissioned(const struct instruments *i, const bool uses[STAGE_AXES], struct err *e) {
-    for (int a = 0; a < STAGE_AXES; a++) {
-        const struct profile *p = i->profile[a];
-        if (!uses[a] || !p || i->wiring->simulated || p->evidence != PROFILE_SOURCES_ONLY)
-            continue;
-        if (!drives_commissioned(i->state_dir, instruments_axis(i->config, a), p))
-            return err_set(
-                e, ERR_STATE,
-                "the %s axis runs by profile %s, which nobody has tried on a real unit: prove it on yours "
-                "with `gonioctl commission %s`",
-                stage_axis_name(a), p->id, stage_axis_name(a));
-    }
-    return 0;
+int instruments_check_commissioned(const struct instruments *i, enum stage_axis which, struct err *e) {
+    const struct profile *p = i->profile[which];
+    if (!p || i->wiring->simulated || p->evidence != PROFILE_SOURCES_ONLY ||
+        drives_commissioned(i->state_dir, instruments_axis(i->config, which), p))
+        return 0;
+    return err_set(e, ERR_STATE,
+                   "the %s axis runs by profile %s, which nobody has tried on a real unit: prove it on yours "
+                   "with `gonioctl commission %s`",
+                   stage_axis_name(which), p->id, stage_axis_name(which));
 }
 
 int instruments_record_drive(struct instruments *i, enum stage_axis which, bool position_valid,

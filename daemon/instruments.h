@@ -95,7 +95,7 @@ void instruments_close_spectrometer(struct instruments *i);
 void instruments_close(struct instruments *i);
 
 /* Refuses a unit whose profile nobody has tried on a device, until it has been commissioned. */
-int instruments_check_commissioned(const struct instruments *i, const bool uses[STAGE_AXES], struct err *e);
+int instruments_check_commissioned(const struct instruments *i, enum stage_axis which, struct err *e);
 /* What home or commissioning found out about a unit: its position may be trusted, or not any more. */
 int instruments_record_drive(struct instruments *i, enum stage_axis which, bool position_valid,
                              bool commissioned, struct err *e);

@@ -37,9 +37,20 @@ static int see_event(void *arg, int64_t us, const char *kind, const char *text) 
     return 0;
 }
 
+static bool is_an_end(const char *state) {
+    static const char *const ends[] = {"done", "aborted", "failed", "interrupted"};
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++)
+        if (strcmp(state, ends[i]) == 0)
+            return true;
+    return false;
+}
+
 int session_text_state(struct session *s, char *state, size_t size, struct err *e) {
     snprintf(state, size, "unknown");
-    return session_each_event(s, see_event, &(struct last_state){state, size}, e);
+    int rc = session_each_event(s, see_event, &(struct last_state){state, size}, e);
+    if (rc == 0 && !is_an_end(state) && !session_is_written(s))
+        snprintf(state, size, "interrupted");
+    return rc;
 }
 
 const char *session_text_utc(int64_t utc_us, char *buffer, size_t size) {

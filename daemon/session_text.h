@@ -2,7 +2,8 @@
  * session_text.h — what goniod writes into a session besides its tables, for the verbs that print it.
  *
  * The texts "sample", "plan" ... are JSON; events "state" tell how the campaign went on and ended. The state of a
- * session is that of its last such event: "done", "aborted", ..., or "running" where it was cut off or goes on.
+ * session is that of its last such event: "done", "aborted", ..., or "running" while it goes on; "interrupted" where
+ * nobody writes it any more.
  * Errors     as session.h; -ERR_INPUT a text that should be JSON is not.
  * Checked    tests/unit/test_verbs_offline.c
  */

@@ -102,17 +102,22 @@ static json_t *listed_json(const struct listed *l) {
     char begun[40] = "";
     if (l->summary.n_exposures)
         session_text_utc(l->summary.first_utc_us, begun, sizeof begun);
-    return json_pack("{s:s, s:s, s:s, s:I, s:I, s:I, s:s}", "session", l->name, "state", l->state,
-                     "begun_utc", begun, "points_final", (json_int_t)l->summary.n_final, "exposures",
-                     (json_int_t)l->summary.n_exposures, "bytes", (json_int_t)l->bytes, "why", l->why);
+    return json_pack("{s:s, s:s, s:s, s:I, s:I, s:I, s:I, s:s}", "session", l->name, "state", l->state,
+                     "begun_utc", begun, "points_final", (json_int_t)l->summary.n_final, "points_provisional",
+                     (json_int_t)l->summary.n_provisional, "exposures", (json_int_t)l->summary.n_exposures,
+                     "bytes", (json_int_t)l->bytes, "why", l->why);
 }
 
 static void print_listed(const struct listed *l) {
-    char begun[40] = "-";
+    char begun[40] = "-", provisional[40] = "";
     if (l->summary.n_exposures)
         session_text_utc(l->summary.first_utc_us, begun, sizeof begun);
-    printf("%-52s %-12s %-19s %5lld points %8.1f MB%s%s\n", l->name, l->state, begun,
-           (long long)l->summary.n_final, (double)l->bytes / 1e6, *l->why ? "  " : "", l->why);
+    if (l->summary.n_provisional)
+        snprintf(provisional, sizeof provisional, "  %lld of them provisional",
+                 (long long)l->summary.n_provisional);
+    printf("%-52s %-12s %-19s %5lld points %8.1f MB%s%s%s\n", l->name, l->state, begun,
+           (long long)(l->summary.n_final + l->summary.n_provisional), (double)l->bytes / 1e6, provisional,
+           *l->why ? "  " : "", l->why);
 }
 
 static int is_session(const struct dirent *entry) {

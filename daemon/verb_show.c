@@ -88,8 +88,10 @@ static void print_counts(const struct shown *w) {
                (double)(m->last_us - m->first_us) / 3.6e9);
     printf("  exposures  %lld sets, %lld of them saturated; %lld exchanges on the buses\n",
            (long long)m->n_exposures, (long long)w->saturated, (long long)m->n_exchanges);
-    printf("  points     %lld final, %lld provisional rows; %lld brackets\n", (long long)m->n_final,
-           (long long)(m->n_points - m->n_final), (long long)m->n_brackets);
+    printf("  points     %lld final", (long long)m->n_final);
+    if (m->n_provisional)
+        printf(", %lld provisional (their bracket is not closed)", (long long)m->n_provisional);
+    printf("; %lld bracket%s\n", (long long)m->n_brackets, m->n_brackets == 1 ? "" : "s");
 }
 
 static void print_linearity(const struct linearity *l) {

@@ -44,8 +44,9 @@ static void print_spectrometer(const json_t *s) {
     json_t *d = json_object_get(s, "spectrometer");
     if (!d)
         return;
-    printf("  spectrometer %s %s", text(d, "model") ?: "", text(d, "serial") ?: "");
-    if (json_object_get(d, "exposure_ms"))
+    bool open = json_is_true(json_object_get(d, "open"));
+    printf("  spectrometer %s %s", text(d, "model") ?: "", open ? text(d, "serial") ?: "" : "not open");
+    if (json_number_value(json_object_get(d, "exposure_ms")) > 0)
         printf(", %.3f ms", json_number_value(json_object_get(d, "exposure_ms")));
     if (json_is_number(json_object_get(d, "temperature_c")))
         printf(", %.1f degC", json_number_value(json_object_get(d, "temperature_c")));
@@ -69,7 +70,7 @@ void live_print_status(const json_t *s) {
         printf("  HELD for you: %s. Then: gonioctl continue\n", text(s, "hold"));
     if (text(s, "why") && *text(s, "why"))
         printf("  %s\n", text(s, "why"));
-    if (text(s, "warning") && *text(s, "warning"))
+    if (text(s, "warning") && *text(s, "warning") && strcmp(text(s, "warning"), text(s, "why") ?: "") != 0)
         printf("  warning: %s\n", text(s, "warning"));
     print_progress(s);
     live_print_axes(json_object_get(s, "axes"));

@@ -109,7 +109,8 @@ static bool alarmed(struct axis *a) {
     bool person = profile_alarm_needs_person(a->profile, a->alarm);
     err_set(&e, ERR_DEVICE, "axis %s: alarm %02Xh at %.3f deg: %s; %s", a->config.name, (unsigned)a->alarm,
             deg(a->position_udeg), profile_alarm_text(a->profile, a->alarm),
-            person ? "look at the bench before it is reset" : "reset it when its cause is gone");
+            person ? "look at the bench first; the next order to it, or `gonioctl continue`, resets it"
+                   : "when its cause is gone, the next order to it, or `gonioctl continue`, resets it");
     fail(a, &e, axis_moves(a));
     return true;
 }

@@ -5,11 +5,14 @@
 #include <fcntl.h>
 #include <modbus.h>
 #include <netdb.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -36,7 +39,7 @@ struct bus {
     struct modbus_link_config config;
     char device[96]; /* RTU: the tty; TCP: numeric address */
     bool tcp;
-    int lock_fd;          /* RTU: holds the flock; -1 = none */
+    int lock_fd;          /* RTU: holds the flock, TCP: the name; -1 = none */
     int refused;          /* connects refused in a row: the place in BACKOFF_MS */
     int64_t probation_us; /* ends then */
     struct modbus_link_state state;
@@ -59,6 +62,11 @@ static void back_off(struct bus *b) {
     b->refused++;
 }
 
+static int refuse_second(const struct bus *b, const char *what, struct err *e) {
+    return err_set(e, ERR_BUSY, "%s is in use by another goniod or gonioctl (%s tells which)",
+                   b->config.target, what);
+}
+
 /* The lock is taken before libmodbus changes the line settings under another owner. */
 static int lock_tty(struct bus *b, struct err *e) {
     b->lock_fd = open(b->device, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
@@ -73,12 +81,24 @@ static int lock_tty(struct bus *b, struct err *e) {
     }
     if (flock(b->lock_fd, LOCK_EX | LOCK_NB) == 0)
         return 0;
-    return err_set(e, ERR_BUSY, "%s is in use by another goniod or gonioctl (fuser -v tells which)",
-                   b->device);
+    return refuse_second(b, "fuser -v", e);
+}
+
+/* Drives behind TCP obey several masters, and two goniods on this machine would move the axes against each other. A name
+ * in the abstract space of unix sockets is held by one process and goes with it. */
+static int lock_name(struct bus *b, struct err *e) {
+    struct sockaddr_un name = {.sun_family = AF_UNIX};
+    int n = snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "goniod/%s", b->config.target) + 1;
+    socklen_t size = offsetof(struct sockaddr_un, sun_path) +
+                     (socklen_t)(n < (int)sizeof name.sun_path ? n : (int)sizeof name.sun_path - 1);
+    b->lock_fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (b->lock_fd < 0 || bind(b->lock_fd, (struct sockaddr *)&name, size) == 0)
+        return 0; /* without a descriptor to spare the connect says so */
+    return refuse_second(b, "ss -xap", e);
 }
 
 static int connect_bus(struct bus *b, struct err *e) {
-    int result = b->tcp ? 0 : lock_tty(b, e);
+    int result = b->tcp ? lock_name(b, e) : lock_tty(b, e);
     if (result == 0) {
         int rc = modbus_connect(b->ctx);
         int saved = errno;

@@ -117,6 +117,16 @@ static int take_lock(struct session *s, struct err *e) {
     }
 }
 
+bool session_is_written(const struct session *s) {
+    char name[PATH_MAX];
+    snprintf(name, sizeof name, "%s-lock", s->path);
+    int fd = open(name, O_RDONLY | O_CLOEXEC);
+    bool held = fd >= 0 && flock(fd, LOCK_SH | LOCK_NB) < 0;
+    if (fd >= 0)
+        close(fd);
+    return held;
+}
+
 static void drop_lock_of(const char *path, int fd) {
     char name[PATH_MAX + 8];
     snprintf(name, sizeof name, "%s-lock", path);

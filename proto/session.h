@@ -45,9 +45,10 @@ struct exchange { /* one Modbus transaction; request and reply are the caller's 
 };
 
 struct session_summary {
-    int64_t n_exposures, n_points, n_final, n_brackets, n_estimates, n_events, n_exchanges;
-    int64_t first_us, last_us; /* of the exposures; 0 when there is none */
-    int64_t first_utc_us;      /* microseconds since 1970 */
+    int64_t n_exposures, n_points, n_brackets, n_estimates, n_events, n_exchanges;
+    int64_t n_final, n_provisional; /* points that stand; n_points counts the rows */
+    int64_t first_us, last_us;      /* of the exposures; 0 when there is none */
+    int64_t first_utc_us;           /* microseconds since 1970 */
     int user_version;
 };
 
@@ -123,6 +124,8 @@ void session_print_bracket(void *file, int64_t id, const struct bracket *b);
 /* What u_common of the views holds: the common parts in quadrature. */
 double session_common_mean(const struct point *p);
 double session_common_band(const struct point *p, int band);
+/* Whether a goniod holds it open for writing; false for a session that was cut off. */
+bool session_is_written(const struct session *s);
 int session_copy(const char *from, const char *to, struct err *e); /* snapshot, also of a live one */
 /* Reads everything: structure, the checksum of every row, foreign keys, settled < start < end, the exposure of every point, the chains
  * of superseded points. 0 with an empty list: sound. -ERR_INPUT: the list says what is wrong. */

@@ -320,6 +320,9 @@ int session_get_summary(struct session *s, struct session_summary *m, struct err
         {"SELECT count(*) FROM exposure", &m->n_exposures},
         {"SELECT count(*) FROM point", &m->n_points},
         {"SELECT count(*) FROM point WHERE NOT provisional", &m->n_final},
+        {"SELECT count(*) FROM point AS p WHERE provisional AND NOT EXISTS"
+         " (SELECT 1 FROM point AS final WHERE final.supersedes = p.id)",
+         &m->n_provisional},
         {"SELECT count(*) FROM bracket", &m->n_brackets},
         {"SELECT count(*) FROM estimation", &m->n_estimates},
         {"SELECT count(*) FROM event", &m->n_events},

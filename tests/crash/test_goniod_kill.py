@@ -111,6 +111,8 @@ def recover(goniod, job, reference, again=None):
         assert not left, f"half-made files stay behind: {left}"
         return "while its session was being made"
     before = rows_of(goniod, names[0])
+    listed = goniod.order("sessions", "--sessions", goniod.sessions)
+    assert "interrupted" in listed or " done " in listed, listed
     starts = resume_until_done(goniod, names[0], again)
     check_kept(before, rows_of(goniod, names[0]))
     check_complete(goniod, names[0], reference)

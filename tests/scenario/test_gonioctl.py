@@ -29,6 +29,7 @@ def one_object_on_stdout(goniod):
     jobs = json.loads(goniod.order("run", "--wait", "--json", "good.yaml", "good.yaml"))["jobs"]
     assert [job["state"] for job in jobs] == ["done", "done"] and jobs[1]["job"] == jobs[0]["job"] + 1, jobs
     assert [s for job in jobs for s in job["sessions"]] == goniod.names(), jobs
+    assert goniod.status()["job"] == {"number": jobs[1]["job"], "name": "good"}
 
 
 def a_session_is_resumed_by_the_name_that_is_listed(goniod):

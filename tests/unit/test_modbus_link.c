@@ -257,6 +257,20 @@ static void one_program_at_a_time(void **state) {
     stop();
 }
 
+/* A drive behind TCP obeys everyone who connects: the second goniod of a machine has to refuse by itself. */
+static void one_goniod_at_a_time_over_tcp(void **state) {
+    (void)state;
+    static const struct peer_act OK[] = {{0, 0}};
+    start(true, OK, 1);
+    struct modbus_link first = bus;
+    assert_int_equal(try_open(peer.target, 'N'), -ERR_BUSY);
+    assert_non_null(strstr(err.text, "in use by another goniod"));
+    bus = first;
+    modbus_link_close(&bus);
+    assert_int_equal(try_open(peer.target, 'N'), 0);
+    stop();
+}
+
 static void bad_targets_are_refused_in_words(void **state) {
     (void)state;
     assert_int_equal(try_open("usb:1", 'N'), -ERR_INPUT);
@@ -315,6 +329,7 @@ int main(void) {
         cmocka_unit_test(a_vanished_adapter_is_a_lost_link),
         cmocka_unit_test(bytes_of_an_earlier_session_are_dropped),
         cmocka_unit_test(one_program_at_a_time),
+        cmocka_unit_test(one_goniod_at_a_time_over_tcp),
         cmocka_unit_test(bad_targets_are_refused_in_words),
         cmocka_unit_test(the_recorder_sees_every_exchange),
     };

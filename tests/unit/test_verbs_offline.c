@@ -97,7 +97,7 @@ static void show_tells_a_person(void **state) {
     (void)state;
     expect(RUN("show", row_path), 0, "hg60: Hooker's Green on drawing paper, 60 % water", "");
     expect(RUN("show", row_path), 0, "state      done", "");
-    expect(RUN("show", row_path), 0, "6 final, 7 provisional rows; 3 brackets", "");
+    expect(RUN("show", row_path), 0, "6 final, 1 provisional (their bracket is not closed); 3 brackets", "");
     expect(RUN("show", row_path), 0, "1 of them saturated; 7 exchanges", "");
     expect(RUN("show", row_path), 0, "linearity  the diffuser in 60 ms over 15 ms: ratio ", "");
     expect(RUN("show", row_path), 0, "u of the counts at full scale: 0.001 (stated 0.001)", "");
@@ -194,7 +194,8 @@ static void sessions_are_listed_with_what_is_wrong(void **state) {
     fputs("not a session", f);
     fclose(f);
     expect(RUN("sessions", "--sessions", row_folder), 0, "test.gonio", "");
-    expect(RUN("sessions", "--sessions", row_folder), 0, "6 points", "");
+    expect(RUN("sessions", "--sessions", row_folder), 0, "7 points", "");
+    expect(RUN("sessions", "--sessions", row_folder), 0, "1 of them provisional", "");
     expect(RUN("sessions", "--sessions", row_folder), 0, "not a goniod session", "");
     struct said said = RUN("sessions", "--sessions", row_folder, "--json");
     json_t *all = json_loads(said.out, 0, NULL);

@@ -416,12 +416,14 @@ def drives_in_trouble(place):
     return found + ask_bench(place, bench("usb2000plus", sim["spectrometer"], bus),
                              (["devices"], 0, ["unit 2 .*did not answer", "unit 3 .*answers"]),
                              (["move", "sample", "3"], 1, ["axis sample: unit 2 .*did not answer", "power", "unit number"]),
-                             (["run", "--wait", edited(place, "job.yaml")], 1, ["commission"]))
+                             (["check", edited(place, "job.yaml")], 0, ["Before the start:", "gonioctl commission source",
+                                                                        "gonioctl commission holder"]),
+                             (["run", "--wait", "job.yaml"], 1, ["commission"]))
 
 
-def two_daemons(place):
+def two_daemons(place, wire="rtu:"):
     sim = place.goniosim()
-    bus = next(m for m in sim["modbus"] if m.startswith("rtu:"))
+    bus = next(m for m in sim["modbus"] if m.startswith(wire))
     place.write("bench.yaml", bench("usb2000plus", sim["spectrometer"], bus))
     place.start("--config", "bench.yaml")
     other = ["--sessions", str(place.folder / "s2")]
@@ -437,9 +439,14 @@ def two_daemons(place):
     return found + said(place.run("gonioctl", "where"), 0)
 
 
+def two_daemons_over_tcp(place):
+    return two_daemons(place, "tcp:")
+
+
 TESTS = [a_config_that_is_none, a_command_line_that_is_none, a_job_that_is_none, a_job_that_cannot_be,
          orders_that_cannot_be, sessions_that_are_none, a_full_disk, a_disk_that_is_full, a_network_file_system,
-         instruments_that_do_not_answer, another_drive, a_spectrometer_without_its_calibration, drives_in_trouble, two_daemons]
+         instruments_that_do_not_answer, another_drive, a_spectrometer_without_its_calibration, drives_in_trouble, two_daemons,
+         two_daemons_over_tcp]
 
 
 def main():
