@@ -34,7 +34,7 @@ struct light_rectangle {
 };
 
 struct light_environment {
-    char image[256];
+    char image[256], sha256[65];
     double turn_deg[3];
     int n_turn;
     struct frame frame;

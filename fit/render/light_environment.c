@@ -6,6 +6,7 @@
 #include "fit/render/light.h"
 #include "fit/render/place.h"
 #include "fit/render/raster.h"
+#include "fit/render/sha256.h"
 
 /* Of linear red, green and blue (IEC 61966-2-1): a coloured picture counts by its luminance. */
 static const double luminance[3] = {0.2126, 0.7152, 0.0722};
@@ -124,6 +125,7 @@ int light_environment_prepare(struct light *light, const char *folder, struct er
                        m->image);
     }
     int status = exr ? take_exr(m, path, e) : take_png(m, path, e);
+    status = status ? status : sha256_of_file(path, m->sha256, e);
     status = status ? status : check_map(m, path, e);
     double whole = status ? 1 : sum_up(m);
     if (!(whole > 0)) {

@@ -57,6 +57,7 @@ static json_t *light_json(const struct light *light) {
                             json_pack("[f,f,f]", light->direction.x, light->direction.y, light->direction.z));
     } else if (light->kind == LIGHT_ENVIRONMENT) {
         json_object_set_new(json, "image", json_string(light->environment.image));
+        json_object_set_new(json, "sha256", json_string(light->environment.sha256));
     } else {
         json_object_set_new(json, "at_mm",
                             json_pack("[f,f,f]", light->at_mm[0], light->at_mm[1], light->at_mm[2]));

@@ -1,4 +1,5 @@
 """goniorender as a person meets it: help, the example scenes at small size, a series, a report, bad input, Ctrl-C."""
+import hashlib
 import json
 import os
 import re
@@ -140,6 +141,18 @@ def test_a_picture_carries_its_origin(folder):
     assert origin["materials"][0]["parameters"]["beta_prime"] == 7.6
     assert str(scene) in origin["command"]
     assert set(report["seconds"]) == {"parse", "trace", "trace_cpu", "colour", "write"}
+
+
+def test_a_room_is_part_of_the_origin(folder):
+    scene = small(folder, "room.yaml", samples=4, grid=1)
+    code, out, err = run("render", scene, "-o", folder / "p.png")
+    assert code == 0, err
+    assert "drawn by light and facets, the light is all around" in out and "random samples a pixel" in out
+    origin = origin_of(folder / "p.png")
+    light = origin["lights"][0]
+    assert light["kind"] == "environment" and light["image"] == "room.png"
+    assert light["sha256"] == hashlib.sha256((SCENES / "room.png").read_bytes()).hexdigest()
+    assert origin["noise_y"] > 0 and origin["counts"]["drawn"] > 0 and "facet sampling" in origin["kept"]
 
 
 def test_threads_and_all_features_give_the_same_picture(folder):

@@ -154,6 +154,36 @@ static void a_ball_far_away_is_a_beam(void **state) {
         planes_free(&planes[i]);
 }
 
+/* Planes of drawn light coloured anew: to the last bit the picture of a lamp of that spectrum, drawn the same. */
+static void recolouring_is_rendering(void **state) {
+    (void)state;
+    struct planes planes[2];
+    struct render_report report;
+    struct scene *scene[2];
+    for (int i = 0; i < 2; i++) {
+        scene[i] =
+            scene_of(GREEN TILTED "lights: [sphere: {at_mm: [50, 50, 80], radius_mm: 20, spd: %s}]\n" ABOVE
+                                  "image: {width: 40, height: 40, grid: 2, samples: 16}\n",
+                     i ? "A" : "D65");
+        planes_of(scene[i], &(struct render_options){0}, &planes[i], &report);
+    }
+    memcpy(scene[0]->spd[0].power, scene[1]->spd[0].power, sizeof scene[0]->spd[0].power);
+    double *recoloured = xyz_of(scene[0], &planes[0], false), *rendered = xyz_of(scene[1], &planes[1], false),
+           *summed = xyz_of(scene[1], &planes[1], true);
+    assert_memory_equal(recoloured, rendered, 3 * 1600 * sizeof *rendered);
+    for (int i = 0; i < 3 * 1600; i++)
+        assert_true(fabs(summed[i] - rendered[i]) < 1e-12);
+    assert_memory_not_equal(planes[0].noise, planes[1].noise,
+                            1600 * sizeof *planes[0].noise); /* of Y under each */
+    for (int i = 0; i < 2; i++) {
+        planes_free(&planes[i]);
+        scene_free(scene[i]);
+    }
+    free(recoloured);
+    free(rendered);
+    free(summed);
+}
+
 #define THREE_LIGHTS                                                                                         \
     "lights:\n"                                                                                              \
     "  - rectangle: {at_mm: [-60, 40, 90], width_mm: 50, height_mm: 30, weight: 2}\n"                        \
@@ -318,6 +348,7 @@ int main(void) {
         cmocka_unit_test(a_white_sphere_in_a_white_sky_is_white),
         cmocka_unit_test(a_white_fold_in_a_white_sky_is_white),
         cmocka_unit_test(a_ball_far_away_is_a_beam),
+        cmocka_unit_test(recolouring_is_rendering),
         cmocka_unit_test(same_bits_for_any_number_of_threads),
         cmocka_unit_test(left_out_agrees_with_all_features),
         cmocka_unit_test(what_hides_a_part_of_a_light_makes_half_shadow),
