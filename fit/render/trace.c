@@ -44,10 +44,6 @@ void trace_count(const struct trace *t, int repeat, double y, struct trace_sampl
 
 static void add_sample(struct pixel *pixel, const struct trace_sample *sample, int sets) {
     int i = 0;
-    pixel->brightest = fmax(pixel->brightest, sample->brightest);
-    for (int g = 0; g < TRACE_GROUPS; g++) {
-        pixel->y[g] += sample->y[g]; /* 0 where nothing is drawn */
-    }
     while (i < pixel->n && pixel->sum[i].paint != sample->paint) {
         i++;
     }
@@ -65,6 +61,13 @@ static void add_sample(struct pixel *pixel, const struct trace_sample *sample, i
 
 static struct shade_abc mean_of(const struct shade_abc *sum, double part) {
     return (struct shade_abc){sum->a * part, sum->b * part, sum->c * part};
+}
+
+static void add_drawn(struct pixel *pixel, const struct trace_sample *sample) {
+    pixel->brightest = sample->brightest > pixel->brightest ? sample->brightest : pixel->brightest;
+    for (int g = 0; g < TRACE_GROUPS; g++) {
+        pixel->y[g] += sample->y[g];
+    }
 }
 
 static bool keep_extra(struct tile *tile, const struct planes_extra *extra) {
@@ -144,13 +147,18 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
                         struct render_counts *counts) {
     const struct scene *scene = w->trace->scene;
     int grid = scene->image.grid;
-    struct trace_sample sample = {.pixel = (uint32_t)(y * w->planes->width + x), .indirect = pixel->indirect};
+    bool drawn = w->trace->repeats > 0;
+    struct trace_sample sample; /* large: only what is read is set */
+    sample.pixel = (uint32_t)(y * w->planes->width + x);
+    sample.indirect = pixel->indirect;
     pixel->n = 0;
     if (planes_have_indirect(w->planes)) {
         memset(pixel->indirect, 0, (size_t)w->planes->n_sets * sizeof *pixel->indirect);
     }
-    pixel->brightest = 0;
-    memset(pixel->y, 0, sizeof pixel->y);
+    if (drawn) {
+        pixel->brightest = 0;
+        memset(pixel->y, 0, sizeof pixel->y);
+    }
     for (int j = 0; j < grid; j++) {
         for (int i = 0; i < grid; i++) {
             struct ray ray = camera_ray(&scene->camera, x + (i + 0.5) / grid, y + (j + 0.5) / grid);
@@ -158,6 +166,9 @@ static void trace_pixel(const struct work *w, int x, int y, struct pixel *pixel,
             w->integrator(w->trace, &ray, &sample, counts);
             if (sample.paint >= 0) {
                 add_sample(pixel, &sample, w->planes->n_sets);
+                if (drawn) {
+                    add_drawn(pixel, &sample);
+                }
             }
         }
     }

@@ -45,7 +45,7 @@ struct trace_sample {
     double (*indirect)[BANDS]; /* given, of several bounces: [set], to be added to */
     int paint;                 /* -1: the ray meets nothing; the rest is then not read */
     struct shade_abc set[PLANES_SETS];
-    double y[TRACE_GROUPS]; /* mean Y over each group's repeats; 0 where nothing is drawn */
+    double y[TRACE_GROUPS]; /* mean Y over each group's repeats; not read where nothing is drawn */
     double brightest;       /* largest Y of them */
 };
 

@@ -32,8 +32,10 @@ bool trace_first(const struct trace *t, const struct ray *ray, struct hit *hit, 
     for (int j = 0; j < t->scene->n_spds; j++) {
         sample->set[j] = (struct shade_abc){0, 0, 0};
     }
-    memset(sample->y, 0, sizeof sample->y);
-    sample->brightest = 0;
+    if (t->repeats > 0) {
+        memset(sample->y, 0, sizeof sample->y);
+        sample->brightest = 0;
+    }
     return true;
 }
 
