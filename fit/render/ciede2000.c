@@ -39,19 +39,29 @@ static double hue_between(struct polar p, struct polar q) {
     return sum < 360 ? (sum + 360) / 2 : (sum - 360) / 2;
 }
 
-static double cos_deg(double angle_deg) {
-    return cos(rad_from_deg(angle_deg));
+/* 1 - 0.17 cos(h - 30 deg) + 0.24 cos 2h + 0.32 cos(3h + 6 deg) - 0.20 cos(4h - 63 deg) from one sine and cosine. */
+static double hue_weight(double h_deg) {
+    static const double cos_30 = 0.86602540378443865, sin_30 = 0.5, cos_6 = 0.99452189536827333,
+                        sin_6 = 0.10452846326765347, cos_63 = 0.45399049973954675,
+                        sin_63 = 0.89100652418836786;
+    double h = rad_from_deg(h_deg), c = cos(h), s = sin(h), c2 = c * c - s * s, s2 = 2 * c * s;
+    double c3 = c * c2 - s * s2, s3 = s * c2 + c * s2, c4 = c2 * c2 - s2 * s2, s4 = 2 * c2 * s2;
+    return 1 - 0.17 * (c * cos_30 + s * sin_30) + 0.24 * c2 + 0.32 * (c3 * cos_6 - s3 * sin_6) -
+           0.20 * (c4 * cos_63 + s4 * sin_63);
+}
+
+static double length(double a, double b) { /* of colours: nothing to overflow */
+    return sqrt(a * a + b * b);
 }
 
 double ciede2000(const double lab_1[3], const double lab_2[3]) {
-    double mean = (hypot(lab_1[1], lab_1[2]) + hypot(lab_2[1], lab_2[2])) / 2;
+    double mean = (length(lab_1[1], lab_1[2]) + length(lab_2[1], lab_2[2])) / 2;
     double stretch = 1 + 0.5 * (1 - saturation(mean));
     struct polar p = polar_of(stretch * lab_1[1], lab_1[2]), q = polar_of(stretch * lab_2[1], lab_2[2]);
     double dl = lab_2[0] - lab_1[0], dc = q.c - p.c;
     double dh = 2 * sqrt(p.c * q.c) * sin(rad_from_deg(hue_step(p, q) / 2));
     double l = (lab_1[0] + lab_2[0]) / 2 - 50, c = (p.c + q.c) / 2, h = hue_between(p, q);
-    double t = 1 - 0.17 * cos_deg(h - 30) + 0.24 * cos_deg(2 * h) + 0.32 * cos_deg(3 * h + 6) -
-               0.20 * cos_deg(4 * h - 63);
+    double t = hue_weight(h);
     double blue = (h - 275) / 25;
     double turn = 2 * saturation(c) * sin(rad_from_deg(60 * exp(-blue * blue)));
     double light = dl / (1 + 0.015 * l * l / sqrt(20 + l * l));

@@ -116,13 +116,13 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     return x->random ? prepare_y(scene, x->y, e) : 0;
 }
 
-/* A series without room for its hits meets them anew. */
+/* Without room for them hits are met anew. */
 static void prepare_hits(struct trace *t, struct render_hits *hits) {
     const struct scene_image *image = &t->scene->image;
     size_t n = (size_t)image->width * (size_t)image->height * (size_t)(image->grid * image->grid);
     if (hits->n != n) {
         render_hits_free(hits);
-        hits->hit = malloc(n * sizeof *hits->hit);
+        hits->hit = n * sizeof *hits->hit <= FEATURES_HITS_MAX ? malloc(n * sizeof *hits->hit) : NULL;
         hits->n = hits->hit ? n : 0;
     }
     t->hits = hits->hit ? hits : NULL;
@@ -170,7 +170,7 @@ int render_planes(const struct scene *scene, const struct render_options *option
                                 .shadow_rays = kept(&report->features, FEATURE_SHADOW_RAYS),
                                 .dark_lights = kept(&report->features, FEATURE_LIGHTS)}};
     *planes = (struct planes){0};
-    if (own.hits && !kept(&report->features, FEATURE_EACH_PICTURE)) {
+    if (own.hits && !own.all_features && !(own.keep >> FEATURE_EACH_PICTURE & 1)) {
         prepare_hits(&x.trace, own.hits);
     }
     int status = prepare(&x, &own, &report->features, e);

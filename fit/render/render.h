@@ -20,7 +20,7 @@
 #include "fit/render/planes.h"
 #include "fit/render/scene.h"
 
-struct render_hits { /* what the camera's rays met, for the next pictures of a series; {0} before the first */
+struct render_hits { /* what the camera's rays met, for other lights or paints; {0} before the first */
     struct hit *hit; /* [pixel][ray of the pixel] */
     size_t n;
     bool known;
@@ -31,7 +31,7 @@ struct render_options {
     bool all_features;                   /* nothing is left out */
     unsigned keep;                       /* bit 1 << enum feature: this one is not left out */
     bool progress;                       /* a bar on stderr */
-    struct render_hits *hits;            /* of a series: to be kept and used; or NULL */
+    struct render_hits *hits;            /* to be kept and used; or NULL */
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
 

@@ -164,6 +164,30 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
+/* The k-th smallest of v[0 .. n - 1] to its place, nothing smaller behind it (Hoare's selection). */
+static float select_value(float *v, int n, int k) {
+    for (int low = 0, high = n - 1; low < high;) {
+        float pivot = v[(low + high) / 2];
+        int i = low, j = high;
+        while (i <= j) {
+            while (v[i] < pivot) {
+                i++;
+            }
+            while (v[j] > pivot) {
+                j--;
+            }
+            if (i <= j) {
+                float swapped = v[i];
+                v[i++] = v[j];
+                v[j--] = swapped;
+            }
+        }
+        low = k > j ? i : low;
+        high = k < i ? j : high;
+    }
+    return v[k];
+}
+
 static void put_three(struct spread *s, int first, size_t pixel, const double v[3]) {
     for (int k = 0; k < 3; k++) {
         s->plane[first + k][pixel] = (float)v[k];
@@ -191,14 +215,15 @@ static void spread_pixel(struct work *w, size_t pixel, struct bench *b) {
         colour_lab(drawn, w->white, drawn_lab);
         b->de[d] = (float)ciede2000(lab, drawn_lab);
     }
-    qsort(b->de, SPREAD_DRAWS, sizeof *b->de, by_size);
-    s->plane[SPREAD_NOISE][pixel] = (float)w->planes.noise[pixel];
+    s->plane[SPREAD_NOISE][pixel] = w->planes.noise ? (float)w->planes.noise[pixel] : 0;
     put_three(s, SPREAD_XYZ, pixel, xyz);
     put_three(s, SPREAD_LAB, pixel, lab);
     put_covariance(s, SPREAD_COV_XYZ, pixel, cov_xyz);
     put_covariance(s, SPREAD_COV_LAB, pixel, cov_lab);
-    s->plane[SPREAD_MEDIAN][pixel] = (b->de[SPREAD_DRAWS / 2 - 1] + b->de[SPREAD_DRAWS / 2]) / 2;
-    s->plane[SPREAD_P95][pixel] = b->de[SPREAD_DRAWS * 95 / 100];
+    float upper = select_value(b->de, SPREAD_DRAWS, SPREAD_DRAWS / 2),
+          lower = select_value(b->de, SPREAD_DRAWS / 2, SPREAD_DRAWS / 2 - 1);
+    s->plane[SPREAD_MEDIAN][pixel] = (lower + upper) / 2;
+    s->plane[SPREAD_P95][pixel] = select_value(b->de, SPREAD_DRAWS, SPREAD_DRAWS * 95 / 100);
 }
 
 static size_t first_extra(const struct planes *p, size_t pixel) {
@@ -249,7 +274,10 @@ static int prepare_paints(struct work *w, uint64_t seed, struct err *e) {
 }
 
 static int prepare_planes(struct work *w, struct err *e) {
-    int status = spread_render(w->scene, w->options, &w->planes, e);
+    struct render_hits hits = {0}; /* only the paints change */
+    struct render_options options = *w->options;
+    options.hits = &hits;
+    int status = spread_render(w->scene, &options, &w->planes, e);
     for (int m = 0; m < MATERIAL_PARAMETERS && !status; m++) {
         bool moves[SCENE_PAINTS] = {false}, any = false;
         for (int p = 0; p < w->scene->n_paints; p++) {
@@ -257,10 +285,11 @@ static int prepare_planes(struct work *w, struct err *e) {
             any = any || moves[p];
         }
         if (any) {
-            status = spread_slope(w->scene, moves, m, w->options, &w->slope[m], e);
+            status = spread_slope(w->scene, moves, m, &options, &w->slope[m], e);
             w->moved[m] = !status;
         }
     }
+    render_hits_free(&hits);
     return status;
 }
 

@@ -10,7 +10,8 @@ int spread_render(const struct scene *scene, const struct render_options *option
                   struct err *e) {
     struct render_options own = *options;
     struct render_report report = {0};
-    own.all_features = true;
+    /* Neither is a matter of tolerance. */
+    own.keep = ~(1u << FEATURE_RANDOM | 1u << FEATURE_EACH_PICTURE);
     return render_whole(scene, &own, planes, &report, e);
 }
 

@@ -2,8 +2,8 @@
  * spread_slope.h — how the planes a, b, c change with a parameter of the paints.
  *
  * Central differences of two renderings in which every paint has its parameter moved by STEP of itself; one-sided
- * where a bound of paint.h is in the way. Nothing is left out of these renderings (features.h), so that no tolerance
- * enters a difference; layout and order of the extras are those of render_planes with all features.
+ * where a bound of paint.h is in the way. What a tolerance decides (features.h) is kept, so that none
+ * enters a difference; layout and order of the extras are those of spread_render.
  *
  * Errors     those of render_planes; -ERR_CANCELLED interrupted.
  * Checked    tests/unit/test_render_spread.c
@@ -13,7 +13,7 @@
 
 #include "fit/render/render.h"
 
-/* Renders all of it or nothing: every row, all features. */
+/* Renders all of it or nothing: every row, nothing left out that changes a value. */
 int spread_render(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct err *e);
 /* moves[paint]: whether that paint has the parameter moved; the slopes of the others are 0. */
