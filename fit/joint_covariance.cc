@@ -9,7 +9,7 @@
 #include <Eigen/Dense>
 
 #include "fit/drift.h"
-#include "fit/joint_shape.h"
+#include "fit/joint_form.h"
 #include "fit/quality.h"
 
 namespace {
@@ -17,9 +17,9 @@ namespace {
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 using Index = Eigen::Index;
+using ConstCells = Eigen::Map<const Matrix>;
 
-constexpr double CONDITION_MAX = 1e6; /* as uncertainty.cc */
-constexpr double AT_BOUND = 1e-7;     /* as verdict.cc */
+constexpr double AT_BOUND = 1e-7; /* as verdict.cc */
 /* White noise of pixels under triangles of 10 nm base every 5 nm: (1/6) / (2/3). */
 constexpr double NEIGHBOURS = 0.25;
 
@@ -76,7 +76,7 @@ class Covariance {
         : d_(d), in_(d->p->input), solution_(solution), model_(model), out_(out), inner_(per_band ? 2 : 1) {
     }
     ~Covariance() {
-        joint_shape_free(&shape_);
+        joint_form_free(&form_);
     }
     Covariance(const Covariance &) = delete;
     Covariance &operator=(const Covariance &) = delete;
@@ -84,9 +84,22 @@ class Covariance {
     int run(struct err *e);
 
   private:
-    void find_bounds();
-    int form(struct err *e);
-    void form_band(int band, Matrix *slopes, Matrix *own);
+    void tell_bounds();
+    ConstCells shared(int band) const {
+        return {form_.shared + static_cast<size_t>(band * form_.all) * form_.n, form_.all, size()};
+    }
+    ConstCells own(int band) const {
+        return {form_.own + static_cast<size_t>(band * form_.inner) * form_.n, form_.inner, size()};
+    }
+    ConstCells block(int band) const {
+        return {form_.block + band * form_.inner * form_.inner, form_.inner, form_.inner};
+    }
+    ConstCells g(int band) const {
+        return {form_.g + band * form_.inner * form_.all, form_.inner, form_.all};
+    }
+    Index size() const {
+        return static_cast<Index>(form_.n);
+    }
     Matrix point_covariance(size_t i) const;
     response response_of(size_t i) const;
     double explained(const Matrix &raw) const;
@@ -101,9 +114,6 @@ class Covariance {
     Matrix to_rows() const;
     Vector inflation(const Matrix &rows, const Matrix &statistical) const;
     int store(const Parts &statistical, const Parts &common, struct err *e);
-    bool is_free(int column) const {
-        return free_[column];
-    }
     size_t cell(int band, size_t i) const {
         return static_cast<size_t>(band) * d_->n + i;
     }
@@ -114,99 +124,24 @@ class Covariance {
     const double *model_;
     struct joint *out_;
     int inner_;
-    bool free_[COORDINATES_MAX] = {};
-    struct joint_shape shape_ = {};
-    Matrix schur_, inverse_;
-    std::vector<Matrix> shared_;    /* [bands] k * n: slope of the shared coordinates with a value */
-    std::vector<Matrix> own_;       /* [bands] inner * n */
-    std::vector<Matrix> block_, g_; /* [bands] inner * inner; inner * k: the inner ones follow -g shared */
+    struct joint_form form_ = {};
     double expected_ = 0, variance_ = 0;
 };
 
-void Covariance::find_bounds() {
-    const enum reflectance_model model = d_->p->model;
-    const double *low = d_->p->low, *high = d_->p->high;
-    bool no_lobe = false;
+void Covariance::tell_bounds() {
     for (int c = 0; c < d_->p->k; c++) {
-        const enum material_parameter parameter = reflectance_parameter(model, c);
-        free_[c] = parameter != MATERIAL_S && solution_->x[c] > low[c] + AT_BOUND &&
-                   solution_->x[c] < high[c] - AT_BOUND;
-        out_->at_bound[parameter] = parameter != MATERIAL_S && !free_[c];
-        no_lobe = no_lobe || (parameter == MATERIAL_BETA_PRIME && !free_[c]);
+        const enum material_parameter parameter = reflectance_parameter(d_->p->model, c);
+        const double x = solution_->x[c];
+        out_->at_bound[parameter] =
+            parameter != MATERIAL_S && !(x > d_->p->low[c] + AT_BOUND && x < d_->p->high[c] - AT_BOUND);
     }
-    for (int c = 0; c < d_->p->k; c++) { /* no lobe: nothing in the data knows its shape */
-        const enum material_parameter parameter = reflectance_parameter(model, c);
-        free_[c] = free_[c] && !(no_lobe && !joint_shape_is_diffuse(d_->p, c));
-        free_[c] = free_[c] && !(inner_ == 2 && parameter == MATERIAL_BETA_PRIME);
-    }
-}
-
-/* Slopes of one band's values: along the shared coordinates (n * k) and the inner parameters (n * inner). */
-void Covariance::form_band(int band, Matrix *slopes, Matrix *own) {
-    Eigen::Map<const Matrix> f(shape_.f, static_cast<Index>(shape_.n), shape_.functions);
-    const double s = solution_->s[band], t = solution_->t[band];
-    slopes->setZero(static_cast<Index>(d_->n), shape_.k);
-    own->resize(static_cast<Index>(d_->n), inner_);
-    own->col(0) = f.col(JOINT_L1) + 2 * s * f.col(JOINT_L2);
-    if (inner_ == 2) {
-        own->col(1) = f.col(JOINT_P);
-    }
-    for (int j = 0; j < shape_.k; j++) {
-        if (shape_.l1[j] >= 0) {
-            slopes->col(j) += s * f.col(shape_.l1[j]) + s * s * f.col(shape_.l2[j]);
-        }
-        if (shape_.specular[j] >= 0) {
-            slopes->col(j) += t * f.col(shape_.specular[j]);
-        }
-    }
-}
-
-/* The responses of every band, and the Schur complement that the shared coordinates stand on. */
-int Covariance::form(struct err *e) {
-    bool held[COORDINATES_MAX];
-    std::transform(free_, free_ + COORDINATES_MAX, held, [](bool f) { return !f; });
-    int status = joint_shape_init(&shape_, d_->p, held, e);
-    if (status || (status = joint_shape_at(&shape_, solution_->x, e))) {
-        return status;
-    }
-    const int k = shape_.k;
-    schur_ = Matrix::Zero(k, k);
-    for (int b = 0; b < d_->n_bands; b++) {
-        Matrix slopes, own;
-        form_band(b, &slopes, &own);
-        Eigen::Map<const Vector> w(d_->weight + b * d_->n, static_cast<Index>(d_->n));
-        const Matrix pulled = own.transpose() * w.asDiagonal();
-        block_.push_back(pulled * own);
-        own_.push_back(block_.back().ldlt().solve(pulled));
-        g_.push_back(own_.back() * slopes);
-        slopes -= own * g_.back();
-        shared_.push_back(slopes.transpose() * w.asDiagonal());
-        schur_ += shared_.back() * slopes;
-    }
-    if (k == 0) {
-        inverse_.resize(0, 0);
-        return 0;
-    }
-    const Vector scale = schur_.diagonal().cwiseSqrt().cwiseMax(1e-300).cwiseInverse();
-    Eigen::SelfAdjointEigenSolver<Matrix> eigen(scale.asDiagonal() * schur_ * scale.asDiagonal());
-    const double low = eigen.eigenvalues()(0), high = eigen.eigenvalues()(k - 1);
-    if (!(low > 0 && std::sqrt(high / low) < CONDITION_MAX)) {
-        return err_set(e, ERR_FIT,
-                       "the bands together cannot tell the shared parameters apart: measure at more angles");
-    }
-    inverse_ = scale.asDiagonal() * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-               eigen.eigenvectors().transpose() * scale.asDiagonal();
-    for (Matrix &m : shared_) {
-        m = inverse_ * m;
-    }
-    return 0;
 }
 
 response Covariance::response_of(size_t i) const {
-    response r{Matrix(shape_.k, d_->n_bands), Matrix(inner_, d_->n_bands)};
+    response r{Matrix(form_.all, d_->n_bands), Matrix(inner_, d_->n_bands)};
     for (int b = 0; b < d_->n_bands; b++) {
-        r.shared.col(b) = shared_[b].col(static_cast<Index>(i));
-        r.own.col(b) = own_[b].col(static_cast<Index>(i));
+        r.shared.col(b) = shared(b).col(static_cast<Index>(i));
+        r.own.col(b) = own(b).col(static_cast<Index>(i));
     }
     return r;
 }
@@ -232,12 +167,12 @@ Matrix Covariance::point_covariance(size_t i) const {
 
 /* tr(J^T W J C) of a covariance in raw form: what the fit takes up of a part of chi-square. */
 double Covariance::explained(const Matrix &raw) const {
-    const int k = shape_.k, n = d_->n_bands;
-    double sum = schur_.cwiseProduct(raw.topLeftCorner(k, k)).sum();
+    const int k = form_.all, n = d_->n_bands;
+    double sum = ConstCells(form_.schur, k, k).cwiseProduct(raw.topLeftCorner(k, k)).sum();
     for (int b = 0; b < n; b++) {
         for (int x = 0; x < inner_; x++) {
             for (int y = 0; y < inner_; y++) {
-                sum += block_[b](x, y) * raw(k + x * n + b, k + y * n + b);
+                sum += block(b)(x, y) * raw(k + x * n + b, k + y * n + b);
             }
         }
     }
@@ -343,7 +278,7 @@ double Covariance::change_of(const struct estimate_common *c, size_t at, size_t 
 void Covariance::add_cause(Parts *p, const struct estimate_common *c, double scale, const double *spot) {
     const int n = d_->n_bands;
     const size_t count = c->point ? c->n : d_->n;
-    response sum{Matrix::Zero(shape_.k, n), Matrix::Zero(inner_, n)};
+    response sum{Matrix::Zero(form_.all, n), Matrix::Zero(inner_, n)};
     double seen = 0;
     for (size_t x = 0; x < count; x++) {
         const size_t i = c->point ? static_cast<size_t>(c->point[x]) : x;
@@ -352,8 +287,8 @@ void Covariance::add_cause(Parts *p, const struct estimate_common *c, double sca
                 continue;
             }
             const double change = scale * change_of(c, x, i, b, spot);
-            sum.shared.col(b) += shared_[b].col(static_cast<Index>(i)) * change;
-            sum.own.col(b) += own_[b].col(static_cast<Index>(i)) * change;
+            sum.shared.col(b) += shared(b).col(static_cast<Index>(i)) * change;
+            sum.own.col(b) += own(b).col(static_cast<Index>(i)) * change;
             seen += d_->weight[cell(b, i)] * change * change;
         }
     }
@@ -373,9 +308,9 @@ void Covariance::add_causes(Parts *p) {
     for (size_t c = 0; c < in_->n_common; c++) {
         add_cause(p, &in_->common[c], 1, nullptr);
     }
-    std::vector<double> room(3 * d_->n);
+    const std::vector<double> none(d_->n + 1);
     struct nuisance_cause own[NUISANCE_CAUSES];
-    const int n_own = nuisance_causes(d_->p, room.data(), own);
+    const int n_own = nuisance_causes(d_->p, none.data(), own);
     for (int c = 0; c < n_own; c++) {
         const struct estimate_common cause = {d_->n, nullptr, own[c].slope, nullptr};
         add_cause(p, &cause, own[c].u, own[c].spot);
@@ -384,17 +319,18 @@ void Covariance::add_causes(Parts *p) {
 
 /* From the raw form to the rows of the answer, in parameters; names the rows as it goes. */
 Matrix Covariance::to_rows() const {
-    const int k = shape_.k, n = d_->n_bands;
+    const int k = form_.k, all = form_.all, n = d_->n_bands;
+    const struct joint_shape *shape = &form_.shape;
     double value[MATERIAL_PARAMETERS], cells[COORDINATES_MAX * COORDINATES_MAX];
     coordinates_to_value(d_->p->model, solution_->x, value);
     coordinates_chain(d_->p->model, value, cells);
     Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> chain(
         cells, d_->p->k, d_->p->k);
-    Matrix rows = Matrix::Zero(k + inner_ * n, k + inner_ * n);
+    Matrix rows = Matrix::Zero(k + inner_ * n, all + inner_ * n);
     for (int i = 0; i < k; i++) {
-        out_->row[i] = {static_cast<int>(reflectance_parameter(d_->p->model, shape_.column[i])), -1};
+        out_->row[i] = {static_cast<int>(reflectance_parameter(d_->p->model, shape->column[i])), -1};
         for (int j = 0; j < k; j++) {
-            rows(i, j) = chain(shape_.column[i], shape_.column[j]);
+            rows(i, j) = chain(shape->column[i], shape->column[j]);
         }
     }
     for (int b = 0; b < n; b++) {
@@ -402,14 +338,14 @@ Matrix Covariance::to_rows() const {
             const int at = k + a * n + b;
             const double scale = a == 0 ? 1 : value[MATERIAL_BETA_PRIME];
             out_->row[at] = {a == 0 ? MATERIAL_S : MATERIAL_BETA_PRIME, d_->band[b]};
-            rows(at, at) = scale;
-            rows.row(at).head(k) = -scale * g_[b].row(a);
+            rows(at, all + a * n + b) = scale;
+            rows.row(at).head(all) = -scale * g(b).row(a);
         }
     }
     for (int c = 0; c < d_->p->k && inner_ == 2; c++) { /* A held, beta' of each band answers to n */
         for (int j = 0; j < k && reflectance_parameter(d_->p->model, c) == MATERIAL_BETA_PRIME; j++) {
             for (int b = 0; b < n; b++) {
-                rows(k + n + b, j) += solution_->t[b] * chain(c, shape_.column[j]);
+                rows(k + n + b, j) += solution_->t[b] * chain(c, shape->column[j]);
             }
         }
     }
@@ -418,7 +354,7 @@ Matrix Covariance::to_rows() const {
 
 /* Factor on each row's statistical u by the scatter of whole sweeps of one incidence, at least the plain scatter's. */
 Vector Covariance::inflation(const Matrix &rows, const Matrix &statistical) const {
-    const Parts form(shape_.k, inner_, d_->n_bands);
+    const Parts form(form_.all, inner_, d_->n_bands);
     std::map<double, Vector> score;
     for (size_t i = 0; i < d_->n; i++) {
         response r = response_of(i);
@@ -432,12 +368,12 @@ Vector Covariance::inflation(const Matrix &rows, const Matrix &statistical) cons
         sum += form.together(r);
     }
     const double sweeps = static_cast<double>(score.size());
-    Vector sandwich = Vector::Zero(form.size());
+    Vector sandwich = Vector::Zero(rows.rows());
     for (const auto &sweep : score) {
         sandwich += (rows * sweep.second).cwiseAbs2() * (sweeps / std::max(sweeps - 1, 1.0));
     }
-    Vector factor(form.size());
-    for (int i = 0; i < form.size(); i++) {
+    Vector factor(rows.rows());
+    for (Index i = 0; i < rows.rows(); i++) {
         const double ratio = statistical(i, i) > 0 ? sandwich(i) / statistical(i, i) : 1;
         factor(i) = std::sqrt(std::max({1.0, solution_->chi2 / expected_, ratio}));
     }
@@ -464,12 +400,12 @@ int Covariance::store(const Parts &statistical, const Parts &common, struct err 
 }
 
 int Covariance::run(struct err *e) {
-    find_bounds();
-    int status = form(e);
+    tell_bounds();
+    int status = joint_form_init(&form_, d_, solution_, inner_ == 2, model_, e);
     if (status) {
         return status;
     }
-    Parts statistical(shape_.k, inner_, d_->n_bands), common(shape_.k, inner_, d_->n_bands);
+    Parts statistical(form_.all, inner_, d_->n_bands), common(form_.all, inner_, d_->n_bands);
     add_independent(&statistical);
     add_drift(&statistical);
     add_causes(&common);

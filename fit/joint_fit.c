@@ -6,6 +6,10 @@
 #include <string.h>
 
 #include "fit/joint_covariance.h"
+#include "fit/joint_form.h"
+
+#define MOVES_MAX 6
+#define SETTLED 1e-4 /* of the u of a nuisance's prior, as estimate.cc */
 
 static int refuse(struct joint *joint, const char *why) {
     joint->converged = false;
@@ -59,7 +63,45 @@ static int solve(struct joint_data *d, const double *value, bool per_band, struc
     return joint_solve(d, x, per_band, solution, model, e);
 }
 
-static int fit_bands(struct joint_data *d, const double *value, struct joint *joint, struct err *e) {
+/* Moves mirror offset and P to where the bands want them; *moved in units of the u of their priors. */
+static int move_nuisances(struct joint_data *d, const struct estimate *start, bool per_band,
+                          const struct joint_solution *solution, const double *model, double *moved,
+                          struct err *e) {
+    struct problem *p = d->p;
+    struct joint_form form;
+    double step[NUISANCES_MAX] = {0};
+    int status = joint_form_init(&form, d, solution, per_band, model, e);
+    if (!status) {
+        joint_form_step(&form, d, model, step);
+        status = nuisance_move(p, step, e);
+    }
+    joint_form_free(&form);
+    *moved = 0;
+    for (int z = 0; z < p->nuisance.m; z++) {
+        *moved = fmax(*moved, fabs(step[z]) / p->nuisance.of[z].u);
+    }
+    p->optics.q = start->q; /* the slopes are those of the means' model, from where it now stands */
+    status = status ? status : problem_evaluate(p, start->value, e);
+    return status ? status : problem_slopes(p, start->value, e);
+}
+
+/* With what the bands say of the instrument: from the estimate of the means a step or two. */
+static int settle(struct joint_data *d, const struct estimate *start, bool per_band,
+                  struct joint_solution *solution, double *model, struct err *e) {
+    double moved = d->p->nuisance.m > 0 ? INFINITY : 0;
+    int status = solve(d, start->value, per_band, solution, model, e);
+    for (int i = 0; i < MOVES_MAX && moved > SETTLED && !status; i++) {
+        status = move_nuisances(d, start, per_band, solution, model, &moved, e);
+        if (!status && moved > SETTLED) {
+            double x[COORDINATES_MAX];
+            memcpy(x, solution->x, sizeof x);
+            status = joint_solve(d, x, per_band, solution, model, e);
+        }
+    }
+    return status;
+}
+
+static int fit_bands(struct joint_data *d, const struct estimate *start, struct joint *joint, struct err *e) {
     struct joint_solution solution;
     const bool per_band = joint->beta_prime_per_band;
     if (d->n_bands == 0) {
@@ -69,8 +111,9 @@ static int fit_bands(struct joint_data *d, const double *value, struct joint *jo
     if (!model) {
         return err_set(e, ERR_NOMEM, "no memory for a joint fit of %zu values", d->n_values);
     }
-    int status = solve(d, value, per_band, &solution, model, e);
+    int status = settle(d, start, per_band, &solution, model, e);
     if (!status) {
+        solution.chi2 += nuisance_chi2(d->p);
         fill(joint, d, &solution);
         status = joint_covariance(d, &solution, per_band, model, joint, e);
     }
@@ -86,7 +129,7 @@ static int fit_problem(struct problem *p, const struct estimate *start, struct j
         (status = problem_reweigh(p, start->value, e)) || (status = joint_data_init(&d, p, e))) {
         return status;
     }
-    status = fit_bands(&d, start->value, joint, e);
+    status = fit_bands(&d, start, joint, e);
     joint_data_free(&d);
     return status;
 }

@@ -82,14 +82,19 @@ void nuisance_shift(const struct problem *p, size_t i, double *di_deg, double *d
     }
 }
 
-static void find_slope(struct problem *p, struct nuisance *z) {
+void nuisance_slope(const struct problem *p, int z, size_t i, double *lobe, double *spot) {
     const struct leverage by = leverage_of(p->input);
-    for (size_t i = 0; i < p->n && z->kind == NUISANCE_POLARISATION; i++) {
-        z->slope[i] = p->slope_polarisation[i];
-    }
-    for (size_t i = 0; i < p->n && z->kind == NUISANCE_OFFSET; i++) {
-        z->slope[i] = by.source * (p->slope_source[i] + p->spot_source[i]) +
-                      by.sample * (p->slope_sample[i] + p->spot_sample[i]);
+    const bool offset = p->nuisance.of[z].kind == NUISANCE_OFFSET;
+    *lobe =
+        offset ? by.source * p->slope_source[i] + by.sample * p->slope_sample[i] : p->slope_polarisation[i];
+    *spot = offset ? by.source * p->spot_source[i] + by.sample * p->spot_sample[i] : 0;
+}
+
+static void find_slope(struct problem *p, int z) {
+    for (size_t i = 0; i < p->n; i++) {
+        double lobe, spot;
+        nuisance_slope(p, z, i, &lobe, &spot);
+        p->nuisance.of[z].slope[i] = lobe + spot;
     }
 }
 
@@ -131,7 +136,7 @@ static void find_axes(struct problem *p) {
 
 void nuisance_weigh(struct problem *p) {
     for (int j = 0; j < p->nuisance.m; j++) {
-        find_slope(p, &p->nuisance.of[j]);
+        find_slope(p, j);
     }
     find_axes(p);
 }
@@ -248,9 +253,16 @@ int nuisance_adopt(struct problem *p, const double *value, double *moved, struct
 int nuisance_take(struct problem *p, const struct estimate *estimate, struct err *e) {
     for (int j = 0; j < p->nuisance.m; j++) {
         struct nuisance *z = &p->nuisance.of[j];
-        const bool offset = z->kind == NUISANCE_OFFSET;
-        z->at = z->mean = offset ? estimate->mirror_offset_deg : estimate->polarisation;
-        z->u = offset ? estimate->u_mirror_offset_deg : estimate->u_polarisation;
+        z->at = z->kind == NUISANCE_OFFSET ? estimate->mirror_offset_deg : estimate->polarisation;
+    }
+    return p->nuisance.m > 0 ? move_model(p, e) : 0;
+}
+
+int nuisance_move(struct problem *p, const double step[NUISANCES_MAX], struct err *e) {
+    for (int j = 0; j < p->nuisance.m; j++) {
+        struct nuisance *z = &p->nuisance.of[j];
+        z->at += step[j];
+        z->at = z->kind == NUISANCE_POLARISATION ? fmax(-1, fmin(z->at, 1)) : z->at;
     }
     return p->nuisance.m > 0 ? move_model(p, e) : 0;
 }
@@ -260,30 +272,10 @@ static int add_cause(struct nuisance_cause *cause, int n, const double *slope, c
     return u > 0 ? n + 1 : n;
 }
 
-int nuisance_causes(const struct problem *p, double *room, struct nuisance_cause cause[NUISANCE_CAUSES]) {
+int nuisance_causes(const struct problem *p, const double *none,
+                    struct nuisance_cause cause[NUISANCE_CAUSES]) {
     const struct estimate_input *in = p->input;
-    double *none = room, *slope = room + p->n, *spot = room + 2 * p->n;
-    int n = 0;
-    bool offset = false, polarisation = false;
-    for (size_t i = 0; i < p->n;
-         i++) { /* both axes at a given mirror direction: the sample by half the source */
-        none[i] = 0;
-        slope[i] = p->slope_source[i] + p->slope_sample[i] / 2;
-        spot[i] = p->spot_source[i] + p->spot_sample[i] / 2;
-    }
-    for (int j = 0; j < p->nuisance.m; j++) {
-        const struct nuisance *z = &p->nuisance.of[j];
-        offset = offset || z->kind == NUISANCE_OFFSET;
-        polarisation = polarisation || z->kind == NUISANCE_POLARISATION;
-        n = add_cause(cause, n, z->slope, none, z->u);
-    }
-    if (!polarisation) {
-        n = add_cause(cause, n, p->slope_polarisation, none, in->u_polarisation);
-    }
-    if (offset) {
-        const double u_rest_deg = in->u_zero_source_deg * in->u_zero_sample_deg / nuisance_u_offset_deg(in);
-        return add_cause(cause, n, slope, spot, u_rest_deg);
-    }
-    n = add_cause(cause, n, p->slope_source, p->spot_source, in->u_zero_source_deg);
-    return add_cause(cause, n, p->slope_sample, p->spot_sample, in->u_zero_sample_deg);
+    int n = add_cause(cause, 0, p->slope_source, p->spot_source, in->u_zero_source_deg);
+    n = add_cause(cause, n, p->slope_sample, p->spot_sample, in->u_zero_sample_deg);
+    return add_cause(cause, n, p->slope_polarisation, none, in->u_polarisation);
 }

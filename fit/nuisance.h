@@ -9,12 +9,13 @@
  * a free column with a prior residual, eliminated exactly. (J^T W' J)^-1 J^T W' with W' = W^1/2 B B W^1/2 are then the
  * weights of measurement.md 8. Between two minimisations the model moves to the z found, so that no linearisation is
  * left in the end.
- * A zero of the source at given delta, u_rest = u_source u_sample / u_delta, is invisible and stays a common part.
+ * A zero of the source at given delta, u_source u_sample / u_delta, is invisible and stays a common part. In a joint fit
+ * they are shared by all bands, and told by all of them (fit/joint_form.h).
  *
  * Free       where the points carry weights of their own and the model has a lobe, and not held; else common parts.
  * Shapes     n points of the problem; vectors are weighted (root_weight) rows.
  * Errors     -ERR_NOMEM; those of fit/aperture.h.
- * Checked    tests/unit/test_nuisance.c
+ * Checked    tests/unit/test_nuisance.c, tests/unit/test_joint_nuisance.c
  */
 #ifndef FIT_NUISANCE_H
 #define FIT_NUISANCE_H
@@ -54,8 +55,11 @@ void nuisance_weigh(struct problem *p);
 /* Moves the model to the z that suits the last evaluation best; *moved in units of the prior's u. Evaluates and
  * finds slopes and axes anew. */
 int nuisance_adopt(struct problem *p, const double *value, double *moved, struct err *e);
-/* Moves the model to where an estimate of the same points found them; their u is then what that left. */
+/* Moves the model to where an estimate of the same points found them, and by further steps. */
 int nuisance_take(struct problem *p, const struct estimate *estimate, struct err *e);
+int nuisance_move(struct problem *p, const double step[NUISANCES_MAX], struct err *e);
+/* What nuisance z changes in point i: of the lobe, the same in every band, and through K, in proportion to beta. */
+void nuisance_slope(const struct problem *p, int z, size_t i, double *lobe, double *spot);
 /* Weighted residuals (model - target) and weighted columns of a Jacobian, in place. */
 void nuisance_residuals(const struct problem *p, double *vector);
 void nuisance_whiten(const struct problem *p, double *vector);
@@ -64,14 +68,15 @@ double nuisance_taken(const struct problem *p, size_t i);
 double nuisance_chi2(const struct problem *p); /* of the priors, where the model stands */
 /* How far point i's angles are from its readbacks, and what its value is multiplied by through K. */
 void nuisance_shift(const struct problem *p, size_t i, double *di_deg, double *dv_deg, double *factor);
-/* After nuisance_take, as common causes: what is left of each, and of the zeros at the offset found. slope is the same
- * change in every band, spot in proportion to beta. room: [3n]. Returns how many. */
-#define NUISANCE_CAUSES 4 /* one more than there can be */
+/* The axis zeros and P at their priors, as common causes; slope is the same change in every band, spot in proportion to
+ * beta. Returns how many. */
+#define NUISANCE_CAUSES 3
 struct nuisance_cause {
     const double *slope, *spot;
     double u;
 };
-int nuisance_causes(const struct problem *p, double *room, struct nuisance_cause cause[NUISANCE_CAUSES]);
+int nuisance_causes(const struct problem *p, const double *none,
+                    struct nuisance_cause cause[NUISANCE_CAUSES]);
 /* What both zeros most likely are where the mirror direction is off by that much. */
 void nuisance_zeros(const struct estimate_input *input, double offset_deg, double *source_deg,
                     double *sample_deg);
