@@ -27,6 +27,7 @@ struct json_t;
 struct campaign_setup { /* all outlive the campaign */
     const struct config *config;
     const char *config_text;
+    const char *bench_text; /* of the file with the truth of a simulated bench; NULL: no such file */
     const char *sessions_dir, *state_dir;
     struct desk *desk;
     struct bench *bench;

@@ -81,6 +81,8 @@ static void write_texts(struct campaign *c, int sample) {
     campaign_reduce_setup(c, &setup);
     writer_text(c->writer, m->file, "job", c->job->text);
     writer_text(c->writer, m->file, "config", c->setup.config_text);
+    if (c->setup.bench_text)
+        writer_text(c->writer, m->file, "bench", c->setup.bench_text);
     writer_text(c->writer, m->file, "certificate", c->job->certificate.text);
     writer_text(c->writer, m->file, "goniod_version", GONIOD_VERSION);
     writer_text(c->writer, m->file, "geometry_convention", GEOMETRY_CONVENTION);

@@ -50,7 +50,7 @@ static int check_unfinished(struct session *s, const char *name, struct err *e) 
 static int check_text(struct session *s, const char *key, const char *now, const char *what, struct err *e) {
     char *text = NULL;
     int result = session_get_text(s, key, &text, e);
-    if (result == 0 && (!text || strcmp(text, now) != 0))
+    if (result == 0 && (!text != !now || (text && strcmp(text, now) != 0)))
         result = err_set(e, ERR_STATE,
                          "%s has changed since the session began: put it back, or run the job anew", what);
     free(text);
@@ -121,6 +121,8 @@ int campaign_resume_plan(struct campaign *c, const char *name, struct campaign_j
     result = check_unfinished(s, name, e);
     if (result == 0)
         result = check_text(s, "config", c->setup.config_text, "the config of the bench", e);
+    if (result == 0)
+        result = check_text(s, "bench", c->setup.bench_text, "the file of the simulated bench", e);
     if (result == 0)
         result = plan_from_texts(c, s, job, e);
     if (result == 0)

@@ -247,6 +247,7 @@ static int wire_up(struct daemon *d, struct err *e) {
 static int start_campaign(struct daemon *d, struct err_list *errors) {
     const struct campaign_setup setup = {.config = &d->config,
                                          .config_text = d->config_text,
+                                         .bench_text = simulate_bench_text(d->truth),
                                          .sessions_dir = d->sessions,
                                          .state_dir = d->sessions,
                                          .desk = d->desk,

@@ -4,8 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "proto/file.h"
 #include "proto/session.h"
 #include "proto/units.h"
+#include "proto/yaml.h"
 #include "sim/goniosim_config.h"
 #include "sim/sim.h"
 
@@ -24,6 +26,7 @@ struct instead { /* what stands for a sample instead of its paint */
 
 struct simulate_bench {
     struct goniosim_config file;
+    char *text;
 };
 
 struct simulate {
@@ -43,7 +46,14 @@ struct simulate {
 
 int simulate_bench_read(struct simulate_bench **bench, const char *path, struct err_list *errors) {
     struct simulate_bench *b = calloc(1, sizeof *b);
-    int result = b ? goniosim_config_read(path, &b->file, errors) : -ERR_NOMEM;
+    struct err e = {0};
+    size_t size = 0;
+    int result = b ? file_read(path, YAML_BYTES_MAX, &b->text, &size, &e)
+                   : err_set(&e, ERR_NOMEM, "no memory for a bench");
+    if (result < 0)
+        err_list_add(errors, &e);
+    else
+        result = goniosim_config_read_text(path, b->text, size, &b->file, errors);
     if (result < 0) {
         simulate_bench_free(b);
         return result;
@@ -53,9 +63,15 @@ int simulate_bench_read(struct simulate_bench **bench, const char *path, struct 
 }
 
 void simulate_bench_free(struct simulate_bench *b) {
-    if (b)
-        goniosim_config_free(&b->file);
+    if (!b)
+        return;
+    goniosim_config_free(&b->file);
+    free(b->text);
     free(b);
+}
+
+const char *simulate_bench_text(const struct simulate_bench *b) {
+    return b ? b->text : NULL;
 }
 
 uint64_t simulate_bench_seed(const struct simulate_bench *b) {

@@ -32,6 +32,7 @@ struct simulate_bench; /* a bench file */
 int simulate_bench_read(struct simulate_bench **bench, const char *path, struct err_list *errors);
 void simulate_bench_free(struct simulate_bench *bench);
 uint64_t simulate_bench_seed(const struct simulate_bench *bench);
+const char *simulate_bench_text(const struct simulate_bench *bench); /* as read; NULL of NULL */
 
 struct simulate_options {
     const struct simulate_bench *file; /* outlives the bench; NULL: the built-in one */

@@ -2,9 +2,11 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "daemon/session_text.h"
 #include "daemon/verb_session.h"
+#include "proto/file.h"
 #include "proto/session_linearity.h"
 
 struct shown {
@@ -12,6 +14,8 @@ struct shown {
     const char *path;
     struct session_summary summary;
     json_t *sample; /* may be NULL */
+    char *version, *seed,
+        *bench; /* seed: "" of a real bench; bench: of the simulated one's file; each may be NULL */
     char state[32];
     bool has_estimate, has_joint;
     json_t *models; /* of the estimate, or NULL */
@@ -53,6 +57,12 @@ static int load(struct shown *w, struct err *e) {
         rc = session_text_state(w->s, w->state, sizeof w->state, e);
     if (rc == 0)
         rc = session_text_json(w->s, "sample", &w->sample, e);
+    if (rc == 0)
+        rc = session_get_text(w->s, "goniod_version", &w->version, e);
+    if (rc == 0)
+        rc = session_get_text(w->s, "seed", &w->seed, e);
+    if (rc == 0)
+        rc = session_get_text(w->s, "bench", &w->bench, e);
     if (rc == 0 && w->summary.n_estimates) {
         rc = session_last_estimate(w->s, &w->estimate, e);
         w->has_estimate = rc == 0;
@@ -77,6 +87,35 @@ static void print_sample(const struct shown *w) {
     if (water)
         printf(", %g %% water", json_number_value(water));
     putchar('\n');
+}
+
+static bool simulated(const struct shown *w) {
+    return w->seed && *w->seed;
+}
+
+static void print_origin(const struct shown *w) {
+    char hash[17];
+    printf("  origin     goniod %s", w->version ? w->version : "of unknown version");
+    if (simulated(w))
+        printf(", simulated bench of seed %s", w->seed);
+    if (w->bench) {
+        file_hash(w->bench, strlen(w->bench), hash);
+        printf(", as its file says (fnv1a %s)", hash);
+    }
+    putchar('\n');
+}
+
+static json_t *origin_json(const struct shown *w) {
+    char hash[17];
+    json_t *origin = json_pack("{s:s?, s:b}", "goniod_version", w->version, "simulated", simulated(w));
+    if (simulated(w))
+        json_object_set_new(origin, "seed", json_string(w->seed));
+    if (w->bench) {
+        file_hash(w->bench, strlen(w->bench), hash);
+        json_object_set_new(origin, "bench", json_string(w->bench));
+        json_object_set_new(origin, "bench_fnv1a", json_string(hash));
+    }
+    return origin;
 }
 
 static void print_counts(const struct shown *w) {
@@ -183,6 +222,7 @@ static int show_text(struct shown *w) {
     puts(w->path);
     if (w->sample)
         print_sample(w);
+    print_origin(w);
     print_counts(w);
     if (w->has_linearity)
         print_linearity(&w->linearity);
@@ -233,6 +273,7 @@ static int show_json(struct shown *w, struct err *e) {
     json_object_set_new(all, "elapsed_s", json_real((double)(m->last_us - m->first_us) / 1e6));
     if (w->sample)
         json_object_set(all, "sample", w->sample);
+    json_object_set_new(all, "origin", origin_json(w));
     if (w->has_linearity)
         json_object_set_new(all, "linearity", linearity_json(&w->linearity));
     json_object_set_new(all, "points", points);
@@ -257,6 +298,9 @@ static int show(struct shown *w, const struct verb_args *args, struct err *e) {
     if (rc == 0)
         rc = args->json ? show_json(w, e) : show_text(w);
     json_decref(w->sample);
+    free(w->version);
+    free(w->seed);
+    free(w->bench);
     json_decref(w->models);
     joint_free(&w->joint);
     return rc;

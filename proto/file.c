@@ -104,3 +104,10 @@ int file_check_text(const char *file, const char *text, size_t size, struct err 
     }
     return 0;
 }
+
+void file_hash(const char *text, size_t size, char hex[17]) {
+    uint64_t hash = 14695981039346656037u; /* FNV-1a, 64 bit: offset basis and prime */
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ (unsigned char)text[i]) * 1099511628211u;
+    snprintf(hex, 17, "%016llx", (unsigned long long)hash);
+}

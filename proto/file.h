@@ -14,6 +14,8 @@
 #include "proto/err.h"
 
 int file_read(const char *path, size_t limit, char **text, size_t *size, struct err *e);
+/* FNV-1a of a text: which one was this. */
+void file_hash(const char *text, size_t size, char hex[17]);
 /* -ERR_INPUT at the first byte that is neither UTF-8 text nor a tab or line end; 0 where there is none. */
 int file_check_text(const char *file, const char *text, size_t size, struct err *e);
 

@@ -12,18 +12,11 @@
 #define TEXT_MAX (1 << 20)
 #define TREE_LEVELS 5 /* from a program in build/ or build/tests/unit/ up to the source tree */
 
-static void hash_text(const char *text, size_t size, char hex[17]) {
-    uint64_t hash = 14695981039346656037u; /* FNV-1a, 64 bit: offset basis and prime */
-    for (size_t i = 0; i < size; i++)
-        hash = (hash ^ (unsigned char)text[i]) * 1099511628211u;
-    snprintf(hex, 17, "%016llx", (unsigned long long)hash);
-}
-
 int profile_read_text(const char *file, const char *text, size_t size, struct profile *p,
                       struct err_list *errors) {
     memset(p, 0, sizeof *p);
     snprintf(p->file, sizeof p->file, "%s", file);
-    hash_text(text, size, p->hash);
+    file_hash(text, size, p->hash);
     int result = yaml_read_text(file, text, size, profile_keys, p, errors);
     return result ? result : profile_check(p, errors);
 }

@@ -217,11 +217,8 @@ static void default_lists(struct goniosim_config *c) {
     strcpy(c->place[0].support, "acrylic board");
 }
 
-int goniosim_config_read(const char *path, struct goniosim_config *c, struct err_list *errors) {
+static int finish(struct goniosim_config *c, struct err_list *errors) {
     size_t before = errors->n;
-    defaults(c);
-    if (path && yaml_read_file(path, KEYS, c, errors) != 0)
-        return -ERR_INPUT;
     default_lists(c);
     c->bench.seed = (uint64_t)c->seed;
     c->bench.filling = c->bench.view_mm <= c->bench.beam_mm ? SIM_VIEW_IN_BEAM : SIM_BEAM_IN_VIEW;
@@ -233,6 +230,17 @@ int goniosim_config_read(const char *path, struct goniosim_config *c, struct err
     }
     check_listeners(c, errors);
     return errors->n == before ? 0 : -ERR_INPUT;
+}
+
+int goniosim_config_read(const char *path, struct goniosim_config *c, struct err_list *errors) {
+    defaults(c);
+    return path && yaml_read_file(path, KEYS, c, errors) != 0 ? -ERR_INPUT : finish(c, errors);
+}
+
+int goniosim_config_read_text(const char *file, const char *text, size_t size, struct goniosim_config *c,
+                              struct err_list *errors) {
+    defaults(c);
+    return yaml_read_text(file, text, size, KEYS, c, errors) != 0 ? -ERR_INPUT : finish(c, errors);
 }
 
 void goniosim_config_free(struct goniosim_config *c) {

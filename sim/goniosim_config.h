@@ -39,8 +39,10 @@ struct goniosim_config {
     struct goniosim_place place[SIM_POSITIONS];
 };
 
-/* path NULL: the defaults. */
+/* path NULL: the defaults. file: the name used in messages. */
 int goniosim_config_read(const char *path, struct goniosim_config *config, struct err_list *errors);
+int goniosim_config_read_text(const char *file, const char *text, size_t size, struct goniosim_config *config,
+                              struct err_list *errors);
 void goniosim_config_free(struct goniosim_config *config);
 void goniosim_config_print_reference(FILE *out);
 

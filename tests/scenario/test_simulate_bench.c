@@ -70,6 +70,16 @@ static void put_surface(void) {
     put("surface.brdf", text);
 }
 
+/* Which bench it was is in the session. */
+static void look_for_bench(struct session *s, const struct simulate_bench *bench) {
+    char *text;
+    assert_int_equal(session_get_text(s, "bench", &text, NULL), 0);
+    assert_non_null(text);
+    assert_string_equal(text, simulate_bench_text(bench));
+    assert_non_null(strstr(text, "seed: 5\n"));
+    free(text);
+}
+
 static void measure(struct judgement *j) {
     struct lab lab;
     struct err_list errors = {0};
@@ -90,6 +100,7 @@ static void measure(struct judgement *j) {
     memset(j, 0, sizeof *j);
     j->surface = file.place[0].surface;
     judge_session(s, j);
+    look_for_bench(s, bench);
     session_close(s, NULL);
     lab_close(&lab);
     simulate_bench_free(bench);
@@ -122,6 +133,28 @@ static void a_measured_surface_is_the_truth(void **state) {
     measure(&j);
 }
 
+static void a_session_of_another_bench_is_not_resumed(void **state) {
+    (void)state;
+    struct lab lab;
+    struct err_list errors = {0};
+    struct simulate_bench *bench;
+    char path[160], name[192];
+    put_bench("paint: Cobalt Blue Hue");
+    snprintf(path, sizeof path, "%s/bench.yaml", dir);
+    assert_int_equal(simulate_bench_read(&bench, path, &errors), 0);
+    lab_open(&lab, dir, &(struct simulate_options){.seed = 5, .file = bench}, NULL);
+    lab_script(&lab, (struct lab_line){.steps = 3, .state = CAMPAIGN_RUNNING, .command = COMMAND_INTERRUPT});
+    lab_job(&lab, JOB);
+    lab_run(&lab);
+    assert_true(lab_session(&lab, 0, name));
+    lab_close(&lab);
+    simulate_bench_free(bench);
+    lab_open(&lab, dir, &(struct simulate_options){.seed = 5}, NULL);
+    lab_resume(&lab, name);
+    lab_run_refused(&lab, ERR_STATE, "the file of the simulated bench has changed");
+    lab_close(&lab);
+}
+
 static void mistakes_of_the_file_are_named(void **state) {
     (void)state;
     struct simulate_bench *bench;
@@ -140,6 +173,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(parameters_with_a_spectrum_are_the_truth),
         TEST(a_measured_surface_is_the_truth),
+        TEST(a_session_of_another_bench_is_not_resumed),
         TEST(mistakes_of_the_file_are_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

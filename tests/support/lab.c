@@ -163,6 +163,7 @@ void lab_open(struct lab *lab, const char *dir, const struct simulate_options *t
     assert_int_equal(desk_new(&lab->desk, NULL), 0);
     const struct campaign_setup setup = {.config = &lab->config,
                                          .config_text = text,
+                                         .bench_text = simulate_bench_text(truth->file),
                                          .sessions_dir = lab->dir,
                                          .state_dir = lab->dir,
                                          .desk = lab->desk,

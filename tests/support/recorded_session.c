@@ -90,6 +90,8 @@ static void write_texts(struct recording *w, const char *certificate) {
                             "\"water_percent\":60}",
                             e));
     ROW_OK(session_set_text(w->s, "goniod_version", "0.1.0", e));
+    ROW_OK(session_set_text(w->s, "seed", "17", e));
+    ROW_OK(session_set_text(w->s, "bench", "foobar", e));
     json_decref(json);
     free(setup);
 }

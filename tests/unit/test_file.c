@@ -66,11 +66,25 @@ static void text_is_utf8(void **state) {
     }
 }
 
+/* Vectors of the FNV reference code. */
+static void a_hash_is_fnv1a(void **state) {
+    (void)state;
+    static const char *const text[] = {"", "a", "foobar"}, *const hash[] = {"cbf29ce484222325",
+                                                                            "af63dc4c8601ec8c",
+                                                                            "85944171f73967e8"};
+    for (size_t i = 0; i < 3; i++) {
+        char hex[17];
+        file_hash(text[i], strlen(text[i]), hex);
+        assert_string_equal(hex, hash[i]);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_file_up_to_its_limit),
         cmocka_unit_test(what_is_no_file_does_not_block),
         cmocka_unit_test(text_is_utf8),
+        cmocka_unit_test(a_hash_is_fnv1a),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

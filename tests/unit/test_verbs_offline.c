@@ -96,6 +96,9 @@ static int raw_sql(const char *sql) {
 static void show_tells_a_person(void **state) {
     (void)state;
     expect(RUN("show", row_path), 0, "hg60: Hooker's Green on drawing paper, 60 % water", "");
+    expect(RUN("show", row_path), 0,
+           "origin     goniod 0.1.0, simulated bench of seed 17, as its file says (fnv1a 85944171f73967e8)",
+           "");
     expect(RUN("show", row_path), 0, "state      done", "");
     expect(RUN("show", row_path), 0, "6 final, 1 provisional (their bracket is not closed); 3 brackets", "");
     expect(RUN("show", row_path), 0, "1 of them saturated; 7 exchanges", "");
