@@ -19,27 +19,6 @@
 #define VIEWS "{from: -60, to: 60, step: 15}"
 #define N_POINTS 17 /* of 18 geometries two have the source in front of the sensor; one is repeated */
 
-static const struct simulate_options seed1 = {.seed = 1};
-
-struct fixture {
-    char dir[96];
-    struct lab lab;
-};
-
-static int set_up(void **state) {
-    static struct fixture f;
-    memset(&f, 0, sizeof f);
-    lab_make_dir(f.dir);
-    *state = &f;
-    return 0;
-}
-
-static int tear_down(void **state) {
-    struct fixture *f = *state;
-    lab_remove_dir(f->dir);
-    return 0;
-}
-
 static double seconds(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
@@ -49,19 +28,9 @@ static double seconds(void) {
 /* ---- what a session holds against the truth ---- */
 
 static void judge_named(const struct lab *lab, const char *name, struct judgement *j) {
-    assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, &j->surface, NULL), 0);
     struct session *s = lab_open_session(lab, name);
-    judge_session(s, j);
+    judge_green(s, "acrylic board", 0, j);
     session_close(s, NULL);
-}
-
-static void verify(const struct lab *lab, const char *name) {
-    struct err_list found = {0};
-    char path[320];
-    snprintf(path, sizeof path, "%s/%s.gonio", lab->dir, name);
-    if (session_verify(path, &found, NULL) < 0)
-        fail_msg("%s: %s", name, found.n ? found.item[0].text : "not sound");
-    err_list_free(&found);
 }
 
 static char *dump(const struct lab *lab, const char *name, size_t *size) {
@@ -74,7 +43,7 @@ static char *dump(const struct lab *lab, const char *name, size_t *size) {
     return text;
 }
 
-static void run_job(struct fixture *f, const char *name, const char *mode) {
+static void run_job(struct lab_fixture *f, const char *name, const char *mode) {
     char *text = lab_job_text(name, INCIDENCES, VIEWS, mode);
     lab_job(&f->lab, text);
     free(text);
@@ -84,15 +53,15 @@ static void run_job(struct fixture *f, const char *name, const char *mode) {
 /* ---- tests ---- */
 
 static void points_agree_with_the_truth(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct judgement j;
     char name[192];
     double begun = seconds();
-    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_open(&f->lab, f->dir, &lab_seed1, NULL);
     run_job(f, "small", "every_geometry");
     assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
     assert_true(lab_session(&f->lab, 0, name));
-    verify(&f->lab, name);
+    lab_verify(&f->lab, name);
     judge_named(&f->lab, name, &j);
     print_message(
         "# %s: %d points in %.2f s of this machine, %.0f s of the bench; pulls: mean %.2f, rms %.2f, "
@@ -106,13 +75,13 @@ static void points_agree_with_the_truth(void **state) {
 }
 
 static void one_seed_gives_the_same_bytes(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     char *text[2], name[192];
     size_t size[2];
     for (int i = 0; i < 2; i++) {
         char dir[96];
         lab_make_dir(dir);
-        lab_open(&f->lab, dir, &seed1, NULL);
+        lab_open(&f->lab, dir, &lab_seed1, NULL);
         run_job(f, "small", "fixed");
         assert_true(lab_session(&f->lab, 0, name));
         text[i] = dump(&f->lab, name, &size[i]);
@@ -128,11 +97,11 @@ static void one_seed_gives_the_same_bytes(void **state) {
 
 static void reference_modes_agree(void **state) {
     static const char *const mode[] = {"fixed", "per_incidence", "every_geometry", "start_end"};
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct judgement j;
     char name[192];
     for (int m = 0; m < 4; m++) {
-        lab_open(&f->lab, f->dir, &seed1, NULL);
+        lab_open(&f->lab, f->dir, &lab_seed1, NULL);
         run_job(f, mode[m], mode[m]);
         assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
         int at = 0;
@@ -149,10 +118,10 @@ static void reference_modes_agree(void **state) {
 }
 
 static void pause_and_resume_lose_nothing(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct judgement j;
     char name[192];
-    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_open(&f->lab, f->dir, &lab_seed1, NULL);
     lab_script(&f->lab, (struct lab_line){.steps = 6, .state = CAMPAIGN_RUNNING, .command = COMMAND_PAUSE});
     lab_script(&f->lab, (struct lab_line){.state = CAMPAIGN_PAUSED, .command = COMMAND_RESUME});
     lab_script(&f->lab,
@@ -163,7 +132,7 @@ static void pause_and_resume_lose_nothing(void **state) {
     run_job(f, "paused", "fixed");
     assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
     assert_true(lab_session(&f->lab, 0, name));
-    verify(&f->lab, name);
+    lab_verify(&f->lab, name);
     judge_named(&f->lab, name, &j);
     assert_int_equal(j.n, N_POINTS);
     assert_int_equal(j.provisional, 0);
@@ -178,8 +147,8 @@ static int find_end(void *arg, int64_t us, const char *kind, const char *json) {
     return 0;
 }
 
-static void cannot_be_resumed(struct fixture *f, const char *dir, const char *name) {
-    lab_open(&f->lab, dir, &seed1, NULL);
+static void cannot_be_resumed(struct lab_fixture *f, const char *dir, const char *name) {
+    lab_open(&f->lab, dir, &lab_seed1, NULL);
     lab_resume(&f->lab, name);
     lab_run_refused(&f->lab, ERR_STATE, "aborted by a person");
     lab_close(&f->lab);
@@ -194,18 +163,18 @@ static void abort_ends_it_in_any_state(void **state) {
         {{.steps = 5, .state = CAMPAIGN_RUNNING, .command = COMMAND_PAUSE},
          {.state = CAMPAIGN_PAUSED, .command = COMMAND_ABORT}},
     };
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     for (size_t w = 0; w < sizeof way / sizeof *way; w++) {
         char name[192], end[256] = "", dir[96];
         lab_make_dir(dir);
-        lab_open(&f->lab, dir, &seed1, NULL);
+        lab_open(&f->lab, dir, &lab_seed1, NULL);
         for (int i = 0; i < 2 && way[w][i].steps >= 0; i++)
             lab_script(&f->lab, way[w][i]);
         run_job(f, "aborted", "fixed");
         assert_int_equal(f->lab.ended, CAMPAIGN_ABORTED);
         bool begun = lab_session(&f->lab, 0, name);
         if (begun) {
-            verify(&f->lab, name);
+            lab_verify(&f->lab, name);
             struct session *s = lab_open_session(&f->lab, name);
             assert_int_equal(session_each_event(s, find_end, end, NULL), 0);
             session_close(s, NULL);
@@ -219,22 +188,22 @@ static void abort_ends_it_in_any_state(void **state) {
 }
 
 static void an_interrupted_session_goes_on(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct judgement j;
     char name[192];
-    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_open(&f->lab, f->dir, &lab_seed1, NULL);
     lab_script(&f->lab,
                (struct lab_line){.steps = 9, .state = CAMPAIGN_RUNNING, .command = COMMAND_INTERRUPT});
     run_job(f, "interrupted", "every_geometry");
     lab_close(&f->lab);
-    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_open(&f->lab, f->dir, &lab_seed1, NULL);
     assert_true(lab_session(&f->lab, 0, name));
     lab_resume(&f->lab, name);
     lab_run(&f->lab);
     assert_int_equal(f->lab.ended, CAMPAIGN_DONE);
     assert_false(lab_session(&f->lab, 1, name));
     assert_true(lab_session(&f->lab, 0, name));
-    verify(&f->lab, name);
+    lab_verify(&f->lab, name);
     judge_named(&f->lab, name, &j);
     assert_int_equal(j.n, N_POINTS);
     assert_true(j.worst < 5);
@@ -243,12 +212,12 @@ static void an_interrupted_session_goes_on(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(points_agree_with_the_truth, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(one_seed_gives_the_same_bytes, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(reference_modes_agree, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(pause_and_resume_lose_nothing, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(abort_ends_it_in_any_state, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(an_interrupted_session_goes_on, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(points_agree_with_the_truth, lab_set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(one_seed_gives_the_same_bytes, lab_set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(reference_modes_agree, lab_set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(pause_and_resume_lose_nothing, lab_set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(abort_ends_it_in_any_state, lab_set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(an_interrupted_session_goes_on, lab_set_up, lab_tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

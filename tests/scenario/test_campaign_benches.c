@@ -39,8 +39,6 @@ struct variant {
     const char *asks;                                  /* one of the holds says this */
 };
 
-static const struct simulate_options seed1 = {.seed = 1};
-
 static const char * or (const char *given, const char *built_in) {
     return given ? given : built_in;
 }
@@ -86,18 +84,12 @@ static char *job_text(const struct variant *v) {
 
 static void judge(const struct lab *lab, const struct variant *v, int n) {
     struct judgement j = {0};
-    struct err_list found = {0};
-    char name[192], path[320];
+    char name[192];
     bool wet = n == 1;
     assert_true(lab_session(lab, n, name));
-    snprintf(path, sizeof path, "%s/%s.gonio", lab->dir, name);
-    if (session_verify(path, &found, NULL) < 0)
-        fail_msg("%s: %s", name, found.n ? found.item[0].text : "not sound");
-    assert_int_equal(sim_paint_find("Hooker's Green", wet ? "drawing paper" : "acrylic board", wet ? 60 : 0,
-                                    &j.surface, NULL),
-                     0);
+    lab_verify(lab, name);
     struct session *s = lab_open_session(lab, name);
-    judge_session(s, &j);
+    judge_green(s, wet ? "drawing paper" : "acrylic board", wet ? 60 : 0, &j);
     session_close(s, NULL);
     print_message("# %s: %d points in %.0f s, %d holds; pulls: mean %.2f, rms %.2f, worst %.2f\n", name, j.n,
                   clock_now_us(&lab->clock) / 1e6, lab->n_holds, j.sum / j.n, sqrt(j.sum2 / j.n), j.worst);
@@ -118,7 +110,7 @@ static void campaign_on(void **state) {
     const struct variant *v = *state;
     char dir[96], *bench = bench_text(v), *job = job_text(v);
     lab_make_dir(dir);
-    lab_open(&lab, dir, &seed1, bench);
+    lab_open(&lab, dir, &lab_seed1, bench);
     lab.helpful = true;
     lab_job(&lab, job);
     lab_run(&lab);
@@ -146,13 +138,13 @@ static void a_session_goes_on_with_a_holder_worked_by_hand(void **state) {
     char dir[96], name[192], *text = bench_text(&v), *job = job_text(&v);
     (void)state;
     lab_make_dir(dir);
-    lab_open(&lab, dir, &seed1, text);
+    lab_open(&lab, dir, &lab_seed1, text);
     lab.helpful = true;
     lab_script(&lab, (struct lab_line){.steps = 6, .state = CAMPAIGN_RUNNING, .command = COMMAND_INTERRUPT});
     lab_job(&lab, job);
     lab_run(&lab);
     lab_close(&lab);
-    lab_open(&lab, dir, &seed1, text);
+    lab_open(&lab, dir, &lab_seed1, text);
     lab.helpful = true;
     assert_true(lab_session(&lab, 0, name));
     lab_resume(&lab, name);
@@ -161,9 +153,8 @@ static void a_session_goes_on_with_a_holder_worked_by_hand(void **state) {
     assert_true(was_asked(&lab, "put the reference diffuser into the holder"));
     assert_true(was_asked(&lab, "put sample dry into the holder"));
     struct judgement j = {0};
-    assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, &j.surface, NULL), 0);
     struct session *s = lab_open_session(&lab, name);
-    judge_session(s, &j);
+    judge_green(s, "acrylic board", 0, &j);
     session_close(s, NULL);
     assert_int_equal(j.n, 7);
     assert_true(j.worst < 5);

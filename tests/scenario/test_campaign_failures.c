@@ -24,8 +24,6 @@
 
 #define FRAMES 0x82 /* endpoint, spectrometer-ocean.md 2 */
 
-static const struct simulate_options seed1 = {.seed = 1};
-
 /* ---- a bench whose cables can be pulled ---- */
 
 struct broken { /* between the campaign and the simulated bench */
@@ -136,39 +134,22 @@ static int open_usb(void *self, const char *target, const struct spectrometer_mo
 
 /* ---- a run on it ---- */
 
-struct fixture {
-    char dir[96];
-    struct lab lab;
-};
-
 static int set_up(void **state) {
-    static struct fixture f;
-    memset(&f, 0, sizeof f);
     memset(&bench, 0, sizeof bench);
-    lab_make_dir(f.dir);
-    *state = &f;
-    return 0;
+    return lab_set_up(state);
 }
 
-static int tear_down(void **state) {
-    struct fixture *f = *state;
-    lab_close(&f->lab);
-    lab_remove_dir(f->dir);
-    return 0;
-}
-
-static void open_lab(struct fixture *f, const char *config) {
-    lab_open(&f->lab, f->dir, &seed1, config);
+static void open_lab(struct lab_fixture *f, const char *config) {
+    lab_open(&f->lab, f->dir, &lab_seed1, config);
     bench.real = f->lab.wiring;
     bench.lab = &f->lab;
     f->lab.wiring.modbus = open_modbus;
     f->lab.wiring.usb = open_usb;
 }
 
-static void run_and_judge(struct fixture *f, const char *mode) {
+static void run_and_judge(struct lab_fixture *f, const char *mode) {
     struct judgement j = {0};
-    struct err_list found = {0};
-    char name[192], path[320], *text = lab_job_text("failing", "[20]", VIEWS, mode);
+    char name[192], *text = lab_job_text("failing", "[20]", VIEWS, mode);
     lab_job(&f->lab, text);
     free(text);
     lab_run(&f->lab);
@@ -177,12 +158,9 @@ static void run_and_judge(struct fixture *f, const char *mode) {
         fail_msg("ended %s: %s", campaign_state_name(f->lab.ended), s->json);
     }
     assert_true(lab_session(&f->lab, 0, name));
-    snprintf(path, sizeof path, "%s/%s.gonio", f->dir, name);
-    if (session_verify(path, &found, NULL) < 0)
-        fail_msg("%s: %s", name, found.n ? found.item[0].text : "not sound");
-    assert_int_equal(sim_paint_find("Hooker's Green", "acrylic board", 0, &j.surface, NULL), 0);
+    lab_verify(&f->lab, name);
     struct session *s = lab_open_session(&f->lab, name);
-    judge_session(s, &j);
+    judge_green(s, "acrylic board", 0, &j);
     session_close(s, NULL);
     print_message("# %d points, %d left provisional, in %.0f s, %d holds; worst pull %.2f\n", j.n,
                   j.provisional, clock_now_us(&f->lab.clock) / 1e6, f->lab.n_holds, j.worst);
@@ -215,7 +193,7 @@ static int note_bracket(void *arg, const struct bracket *b) {
     return 0;
 }
 
-static struct events events_of(struct fixture *f) {
+static struct events events_of(struct lab_fixture *f) {
     struct events n = {0};
     char name[192];
     assert_true(lab_session(&f->lab, 0, name));
@@ -229,7 +207,7 @@ static struct events events_of(struct fixture *f) {
 /* ---- tests ---- */
 
 static void a_short_silence_of_a_unit_is_ridden_out(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     open_lab(f, NULL);
     bench.mute_unit = 2;
     bench.from_step = 4;
@@ -238,7 +216,7 @@ static void a_short_silence_of_a_unit_is_ridden_out(void **state) {
 }
 
 static void a_unit_that_stays_silent_holds_until_it_answers(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     open_lab(f, NULL);
     bench.mute_unit = 2;
     bench.from_step = 4;
@@ -252,7 +230,7 @@ static void a_unit_that_stays_silent_holds_until_it_answers(void **state) {
 }
 
 static void a_silence_longer_than_a_bracket_ends_it(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     open_lab(f, NULL);
     bench.mute_unit = 1;
     bench.from_step = 6;
@@ -262,7 +240,7 @@ static void a_silence_longer_than_a_bracket_ends_it(void **state) {
 }
 
 static void a_spectrometer_that_was_unplugged_is_opened_again(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     open_lab(f, NULL);
     bench.usb_gone = true;
     bench.from_step = 5;
@@ -275,7 +253,7 @@ static void a_spectrometer_that_was_unplugged_is_opened_again(void **state) {
 }
 
 static void readings_with_bad_frames_are_taken_again(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     open_lab(f, NULL);
     bench.bad_frames = 8;
     bench.from_step = 4;
@@ -288,7 +266,7 @@ static void readings_with_bad_frames_are_taken_again(void **state) {
 
 /* Without a word on the bus every drive's watchdog ends in an alarm, which only a person may have reset. */
 static void an_alarm_waits_for_a_person_and_is_reset_once(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     open_lab(f, NULL);
     f->lab.helpful = true;
     bench.bus_cut = true;
@@ -302,7 +280,7 @@ static void an_alarm_waits_for_a_person_and_is_reset_once(void **state) {
 
 /* The reading that is taken out of the plan's order, to open a new bracket, is led round the zone. */
 static void a_bracket_opened_anew_keeps_out_of_the_zones(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     char *config = NULL;
     assert_true(asprintf(&config, "%skeep_out:\n  - {source_deg: [46, 60], sample_deg: [5, 12]}\n",
                          config_builtin_text()) > 0);
@@ -325,7 +303,7 @@ static void write_program(const char *path, const char *text) {
 
 /* One program keeps what it is told, one sleeps for long, one dies, one is not there. */
 static void notified_programs_are_told_and_never_waited_for(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     char *config = NULL, keeper[160], sleeper[160], dying[160], text[400], *told = NULL;
     size_t size;
     snprintf(keeper, sizeof keeper, "%s/keeper", f->dir);
@@ -360,14 +338,17 @@ static void notified_programs_are_told_and_never_waited_for(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_short_silence_of_a_unit_is_ridden_out, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_unit_that_stays_silent_holds_until_it_answers, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_silence_longer_than_a_bracket_ends_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_spectrometer_that_was_unplugged_is_opened_again, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(readings_with_bad_frames_are_taken_again, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(an_alarm_waits_for_a_person_and_is_reset_once, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_bracket_opened_anew_keeps_out_of_the_zones, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(notified_programs_are_told_and_never_waited_for, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_short_silence_of_a_unit_is_ridden_out, set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(a_unit_that_stays_silent_holds_until_it_answers, set_up,
+                                        lab_tear_down),
+        cmocka_unit_test_setup_teardown(a_silence_longer_than_a_bracket_ends_it, set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(a_spectrometer_that_was_unplugged_is_opened_again, set_up,
+                                        lab_tear_down),
+        cmocka_unit_test_setup_teardown(readings_with_bad_frames_are_taken_again, set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(an_alarm_waits_for_a_person_and_is_reset_once, set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(a_bracket_opened_anew_keeps_out_of_the_zones, set_up, lab_tear_down),
+        cmocka_unit_test_setup_teardown(notified_programs_are_told_and_never_waited_for, set_up,
+                                        lab_tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -13,8 +13,6 @@
 
 #define N_POINTS 4
 
-static const struct simulate_options seed1 = {.seed = 1};
-
 static int count_point(void *arg, const struct point *p) {
     *(int *)arg += !p->provisional;
     return 0;
@@ -25,7 +23,7 @@ static void run_script(const struct lab_line *line, int n) {
     char dir[96], name[192], *job = lab_job_text("hasty", "[20]", "[0, 15, 30, 45]", "fixed");
     int points = 0;
     lab_make_dir(dir);
-    lab_open(&lab, dir, &seed1, NULL);
+    lab_open(&lab, dir, &lab_seed1, NULL);
     for (int i = 0; i < n; i++)
         lab_script(&lab, line[i]);
     lab_job(&lab, job);

@@ -15,29 +15,6 @@
 
 #define VIEWS "{from: -60, to: 60, step: 15}"
 
-static const struct simulate_options seed1 = {.seed = 1};
-
-struct fixture {
-    char dir[96];
-    struct lab lab;
-};
-
-static int set_up(void **state) {
-    static struct fixture f;
-    memset(&f, 0, sizeof f);
-    lab_make_dir(f.dir);
-    lab_open(&f.lab, f.dir, &seed1, NULL);
-    *state = &f;
-    return 0;
-}
-
-static int tear_down(void **state) {
-    struct fixture *f = *state;
-    lab_close(&f->lab);
-    lab_remove_dir(f->dir);
-    return 0;
-}
-
 static void queue_job(struct lab *lab, const char *name, const char *incidences, const char *views) {
     char *text = lab_job_text(name, incidences, views, "fixed");
     lab_job(lab, text);
@@ -82,7 +59,7 @@ static int no_saturated_point(void *arg, const struct point *p) {
 
 /* From dull to the mirror peak in one step: what the dull view suggests is far too long. */
 static void a_saturated_set_is_kept_and_taken_again_shorter(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct saturation s = {.step = -1};
     char name[192];
     queue_job(&f->lab, "peak", "[60]", "[0, 60]");
@@ -101,10 +78,9 @@ static void a_saturated_set_is_kept_and_taken_again_shorter(void **state) {
 /* ---- disk and estimator ---- */
 
 static void a_full_disk_ends_it_safely(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct rlimit old, small;
-    char name[192], path[320];
-    struct err_list found = {0};
+    char name[192];
     signal(SIGXFSZ, SIG_IGN);
     getrlimit(RLIMIT_FSIZE, &old);
     small = old;
@@ -120,19 +96,17 @@ static void a_full_disk_ends_it_safely(void **state) {
     assert_true(strlen(json_string_value(json_object_get(ended, "why"))) > 20);
     json_decref(s);
     assert_true(lab_session(&f->lab, 0, name));
-    snprintf(path, sizeof path, "%s/%s.gonio", f->dir, name);
-    if (session_verify(path, &found, NULL) < 0)
-        fail_msg("%s", found.n ? found.item[0].text : "not sound");
+    lab_verify(&f->lab, name);
 }
 
 static void without_an_estimator_the_points_are_measured_all_the_same(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     const char *kept = getenv("GONIOFIT");
     char before[512];
     snprintf(before, sizeof before, "%s", kept ? kept : "");
     lab_close(&f->lab);
     setenv("GONIOFIT", "/nowhere/goniofit", 1);
-    lab_open(&f->lab, f->dir, &seed1, NULL);
+    lab_open(&f->lab, f->dir, &lab_seed1, NULL);
     queue_job(&f->lab, "unfitted", "[20]", VIEWS);
     lab_run(&f->lab);
     setenv("GONIOFIT", before, 1);
@@ -145,7 +119,7 @@ static void without_an_estimator_the_points_are_measured_all_the_same(void **sta
 /* ---- several jobs, several samples ---- */
 
 static void jobs_queue(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     char name[192];
     queue_job(&f->lab, "first", "[20]", "[0, 30]");
     queue_job(&f->lab, "second", "[20]", "[0, 30]");
@@ -185,7 +159,7 @@ static int keep_mean(void *arg, const struct point *p) {
 }
 
 static void a_hold_waits_for_the_person_who_changes_the_sample(void **state) {
-    struct fixture *f = *state;
+    struct lab_fixture *f = *state;
     struct points_of of[2] = {0};
     char name[192];
     lab_job(&f->lab, two_samples);
@@ -220,7 +194,7 @@ static void try_command(enum campaign_state at, enum campaign_command command) {
     char dir[96];
     const struct campaign_rule *rule = &campaign_table[at][command];
     lab_make_dir(dir);
-    lab_open(&lab, dir, &seed1, NULL);
+    lab_open(&lab, dir, &lab_seed1, NULL);
     for (int i = 0; i < 2; i++) {
         struct lab_line line = way_to[at][i];
         bool last = line.command == COMMANDS;
@@ -259,13 +233,14 @@ static void every_command_in_every_state(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_saturated_set_is_kept_and_taken_again_shorter, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_full_disk_ends_it_safely, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(without_an_estimator_the_points_are_measured_all_the_same, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(jobs_queue, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_hold_waits_for_the_person_who_changes_the_sample, set_up,
-                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_saturated_set_is_kept_and_taken_again_shorter, lab_set_up_opened,
+                                        lab_tear_down),
+        cmocka_unit_test_setup_teardown(a_full_disk_ends_it_safely, lab_set_up_opened, lab_tear_down),
+        cmocka_unit_test_setup_teardown(without_an_estimator_the_points_are_measured_all_the_same,
+                                        lab_set_up_opened, lab_tear_down),
+        cmocka_unit_test_setup_teardown(jobs_queue, lab_set_up_opened, lab_tear_down),
+        cmocka_unit_test_setup_teardown(a_hold_waits_for_the_person_who_changes_the_sample, lab_set_up_opened,
+                                        lab_tear_down),
         cmocka_unit_test(every_command_in_every_state),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

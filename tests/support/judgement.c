@@ -66,3 +66,8 @@ void judge_session(struct session *s, struct judgement *j) {
     if (session_each_point(s, false, judge, j, &e) < 0)
         fail_msg("%s", e.text);
 }
+
+void judge_green(struct session *s, const char *support, int water_percent, struct judgement *j) {
+    assert_int_equal(sim_paint_find("Hooker's Green", support, water_percent, &j->surface, NULL), 0);
+    judge_session(s, j);
+}

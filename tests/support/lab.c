@@ -181,6 +181,42 @@ void lab_close(struct lab *lab) {
     campaign_free(lab->campaign);
     desk_free(lab->desk);
     simulate_free(lab->simulate);
+    lab->campaign = NULL;
+    lab->desk = NULL;
+    lab->simulate = NULL;
+}
+
+const struct simulate_options lab_seed1 = {.seed = 1};
+
+int lab_set_up(void **state) {
+    static struct lab_fixture f;
+    memset(&f, 0, sizeof f);
+    lab_make_dir(f.dir);
+    *state = &f;
+    return 0;
+}
+
+int lab_set_up_opened(void **state) {
+    lab_set_up(state);
+    struct lab_fixture *f = *state;
+    lab_open(&f->lab, f->dir, &lab_seed1, NULL);
+    return 0;
+}
+
+int lab_tear_down(void **state) {
+    struct lab_fixture *f = *state;
+    lab_close(&f->lab);
+    lab_remove_dir(f->dir);
+    return 0;
+}
+
+void lab_verify(const struct lab *lab, const char *name) {
+    struct err_list found = {0};
+    char path[320];
+    snprintf(path, sizeof path, "%s/%s.gonio", lab->dir, name);
+    if (session_verify(path, &found, NULL) < 0)
+        fail_msg("%s: %s", name, found.n ? found.item[0].text : "not sound");
+    err_list_free(&found);
 }
 
 static char *certificate_text(const struct lab *lab, size_t *size) {

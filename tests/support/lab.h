@@ -61,9 +61,20 @@ void lab_run_refused(struct lab *lab, int code, const char *part); /* expects th
 /* The name of the n-th session in the folder, by name, without its ending; false: there are fewer. */
 bool lab_session(const struct lab *lab, int n, char name[192]);
 struct session *lab_open_session(const struct lab *lab, const char *name);
+void lab_verify(const struct lab *lab, const char *name); /* fails the test with the first thing found */
 /* Makes a folder under TMPDIR, else /tmp; removes one. */
 void lab_make_dir(char dir[96]);
 void lab_remove_dir(const char *dir);
+
+/* The fixture of a test: a folder of its own, and one lab after another in it. */
+struct lab_fixture {
+    char dir[96];
+    struct lab lab;
+};
+int lab_set_up(void **state);        /* *state: the folder alone */
+int lab_set_up_opened(void **state); /* and the built-in bench with seed 1 */
+int lab_tear_down(void **state);     /* closes the lab where it is open */
+extern const struct simulate_options lab_seed1;
 
 /* The built-in bench without angular widths and polarisation, for values held against a surface at their angles. */
 char *lab_bare_bench_text(void);
