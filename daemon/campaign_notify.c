@@ -4,15 +4,13 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define NOTIFY_MAX 4 /* of one program that have not ended; more are not started */
+#include "proto/process.h"
 
-extern char **environ;
+#define NOTIFY_MAX 4 /* of one program that have not ended; more are not started */
 
 static pid_t running[CONFIG_NAMES][NOTIFY_MAX]; /* one that hangs must not keep the others from being told */
 
@@ -31,25 +29,6 @@ static pid_t *free_place(int program) {
     return NULL;
 }
 
-static int spawn(const char *program, int input, pid_t *child) {
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    sigset_t none, all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
-    posix_spawnattr_init(&attributes);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    char *argv[] = {(char *)program, NULL};
-    int result = posix_spawn(child, program, &actions, &attributes, argv, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    posix_spawnattr_destroy(&attributes);
-    return result;
-}
-
 static void tell(int number, const char *program, const char *text) {
     pid_t *place = free_place(number);
     int end[2];
@@ -58,7 +37,8 @@ static void tell(int number, const char *program, const char *text) {
     /* An event is far smaller than a pipe, so this is one write that would not block; the program's end must block. */
     fcntl(end[1], F_SETFL, O_NONBLOCK);
     bool written = write(end[1], text, strlen(text)) == (ssize_t)strlen(text);
-    if (!written || spawn(program, end[0], place) != 0)
+    const char *const argv[] = {program, NULL};
+    if (!written || process_start(argv, end[0], -1, place) != 0)
         *place = 0;
     close(end[0]);
     close(end[1]);

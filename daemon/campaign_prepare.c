@@ -172,21 +172,20 @@ int campaign_ready_spectrometer(struct campaign *c, struct err *e) {
     return result;
 }
 
-/* NULL: no motor, or none that this plan uses. */
-static struct axis *motor(const struct campaign *c, enum stage_axis which) {
-    struct axis *axis = c->instruments.stage.axis[which];
-    return c->plan->uses[which] && axis && axis_config(axis)->kind == AXIS_MOTOR ? axis : NULL;
+/* False: no motor, or none that this plan uses. */
+static bool motor_status(const struct campaign *c, enum stage_axis which, struct axis_status *s) {
+    const struct axis *axis = c->instruments.stage.axis[which];
+    if (!c->plan->uses[which] || !axis || axis_config(axis)->kind != AXIS_MOTOR)
+        return false;
+    axis_status(axis, s);
+    return true;
 }
 
 /* The first that has not answered yet; -1: all have. */
 static int silent_motor(const struct campaign *c) {
     for (int a = 0; a < STAGE_AXES; a++) {
-        const struct axis *axis = motor(c, a);
         struct axis_status s;
-        if (!axis)
-            continue;
-        axis_status(axis, &s);
-        if (!s.connected || s.read_us == INT64_MIN)
+        if (motor_status(c, a, &s) && (!s.connected || s.read_us == INT64_MIN))
             return a;
     }
     return -1;
@@ -228,12 +227,8 @@ static int await_axes(struct campaign *c, struct err *e) {
 
 int campaign_home_where_needed(struct campaign *c, struct err *e) {
     for (int a = 0; a < STAGE_AXES; a++) {
-        const struct axis *axis = motor(c, a);
         struct axis_status s;
-        if (!axis)
-            continue;
-        axis_status(axis, &s);
-        if (s.valid)
+        if (!motor_status(c, a, &s) || s.valid)
             continue;
         int result = stage_home(&c->instruments.stage, a, &c->cancel, e);
         if (result == 0)

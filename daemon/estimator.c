@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <signal.h>
-#include <spawn.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,9 +13,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#define PREFIX 4 /* uint32, little-endian: bytes of text that follow */
+#include "proto/process.h"
 
-extern char **environ;
+#define PREFIX 4 /* uint32, little-endian: bytes of text that follow */
 
 struct estimator {
     struct bench *bench;
@@ -71,26 +70,6 @@ static void give_up(struct estimator *s, const char *why) {
 
 /* ---- the child ---- */
 
-static int spawn(struct estimator *s, int child_end) {
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    sigset_t none, all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, child_end, STDIN_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, child_end, STDOUT_FILENO);
-    posix_spawnattr_init(&attributes);
-    posix_spawnattr_setsigmask(&attributes, &none); /* goniod's threads block signals; the child must not */
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    char *argv[] = {s->program, "--serve", NULL};
-    int result = posix_spawn(&s->child, s->program, &actions, &attributes, argv, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    posix_spawnattr_destroy(&attributes);
-    return result;
-}
-
 static int start_child(struct estimator *s, struct err *e) {
     int end[2];
     if (s->failures > ESTIMATOR_RESTARTS)
@@ -100,7 +79,8 @@ static int start_child(struct estimator *s, struct err *e) {
         int saved = errno;
         return err_errno(e, ERR_FIT, saved, "cannot make the socket to %s", s->program);
     }
-    int failed = spawn(s, end[1]);
+    const char *const argv[] = {s->program, "--serve", NULL};
+    int failed = process_start(argv, end[1], end[1], &s->child);
     close(end[1]);
     if (failed) {
         close(end[0]);

@@ -97,5 +97,7 @@ int reduce_setup_from_session(struct session *s, struct reduce_setup *setup, str
                               struct err *e);
 /* Feeds the stored exposures and ends of brackets, in their order, through a reducer. */
 int reduce_replay(struct session *s, struct reducer *r, const struct reduce_sink *sink, struct err *e);
+/* The same through a reducer as the session's own texts set it up. */
+int reduce_anew(struct session *s, const struct reduce_sink *sink, struct err *e);
 
 #endif

@@ -138,3 +138,17 @@ int reduce_replay(struct session *s, struct reducer *r, const struct reduce_sink
     free(replay.ends.item);
     return rc;
 }
+
+int reduce_anew(struct session *s, const struct reduce_sink *sink, struct err *e) {
+    struct reduce_setup setup;
+    struct certificate certificate = {0};
+    struct reducer *r = NULL;
+    int rc = reduce_setup_from_session(s, &setup, &certificate, e);
+    if (rc == 0)
+        rc = reducer_new(&r, &setup, e);
+    if (rc == 0)
+        rc = reduce_replay(s, r, sink, e);
+    reducer_free(r);
+    certificate_free(&certificate);
+    return rc;
+}

@@ -130,21 +130,12 @@ static void note_brackets(struct deriving *g) {
 }
 
 static int derive(struct deriving *g, struct session *s, struct err *e) {
-    struct reduce_setup setup;
-    struct certificate certificate = {0};
-    struct reducer *r = NULL;
     struct reduce_sink sink = {.arg = g, .point = take_point, .bracket = take_bracket};
     int rc = session_each_exposure(s, note_geometry, g, e);
     if (rc == 0)
-        rc = reduce_setup_from_session(s, &setup, &certificate, e);
-    if (rc == 0)
-        rc = reducer_new(&r, &setup, e);
-    if (rc == 0)
-        rc = reduce_replay(s, r, &sink, e);
+        rc = reduce_anew(s, &sink, e);
     if (rc == 0)
         note_brackets(g);
-    reducer_free(r);
-    certificate_free(&certificate);
     return rc;
 }
 

@@ -68,19 +68,10 @@ static int derive_linearity(void *arg, struct linearity *l, struct err *e) {
 }
 
 static int derive(struct session *s, struct derived *d, struct err *e) {
-    struct reduce_setup setup;
-    struct certificate certificate = {0};
-    struct reducer *r = NULL;
     struct reduce_sink sink = {d, derive_point, derive_bracket, derive_linearity};
     int rc = open_tables(d->table, e);
     if (rc == 0)
-        rc = reduce_setup_from_session(s, &setup, &certificate, e);
-    if (rc == 0)
-        rc = reducer_new(&r, &setup, e);
-    if (rc == 0)
-        rc = reduce_replay(s, r, &sink, e);
-    reducer_free(r);
-    certificate_free(&certificate);
+        rc = reduce_anew(s, &sink, e);
     close_tables(d->table);
     return rc;
 }
