@@ -33,6 +33,13 @@ static int export(struct session *s, const struct verb_args *args, struct err *e
     return out ? output_close(out, name, write_as(s, args, out, e), e) : -e->code;
 }
 
+/* Means of a coloured sample fit only with its q, which their file has no place for. */
+static void say_q(struct session *s) {
+    struct estimate estimate;
+    if (session_last_estimate(s, &estimate, NULL) == 0 && estimate.converged && estimate.q != 1)
+        fprintf(stderr, "gonioctl: export: to fit these means: goniofit fit --q %.6g\n", estimate.q);
+}
+
 int verb_export(int argc, char **argv) {
     static const struct verb_option OPTIONS[] = {
         {"--format", 0, "F", "csv (for goniofit), astm (E1392 style), pcapng (the exchanges, for Wireshark)"},
@@ -53,6 +60,8 @@ int verb_export(int argc, char **argv) {
         rc = session_open(&s, path, true, &e);
     if (rc == 0)
         rc = export(s, &args, &e);
+    if (rc == 0 && strcmp(args.option[FORMAT], "csv") == 0 && !args.option[SPECTRUM])
+        say_q(s);
     session_close(s, NULL);
     return rc < 0 ? verb_fail(&e, NULL) : 0;
 }

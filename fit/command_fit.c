@@ -221,6 +221,15 @@ static void print_instrument(const struct estimate *m) {
     }
 }
 
+/* Of an estimate this stands among its warnings; a refusal has none. */
+static void print_left_out(const struct mask *mask) {
+    for (int rule = 0; rule < MASK_RULES; rule++) {
+        if (mask->left_out[rule] > 0) {
+            printf("  left out: %zu points %s\n", mask->left_out[rule], mask_words((enum mask_rule)rule));
+        }
+    }
+}
+
 static void print_text(const struct result *r, bool paper) {
     const struct estimate *m = &r->estimate;
     printf("%s: %s, %d points (%s)\n", r->file, m->model, m->n_points, r->report.format);
@@ -231,6 +240,7 @@ static void print_text(const struct result *r, bool paper) {
         printf("  note: %s\n", r->report.note[i]);
     }
     if (!m->converged) {
+        print_left_out(&r->mask);
         printf("  no estimate: %s\n", m->refusal);
         return;
     }
@@ -240,6 +250,8 @@ static void print_text(const struct result *r, bool paper) {
         double statistical = m->statistical[p][p], common = m->common[p][p];
         if (name && m->at_bound[p]) {
             print_limit(m, p);
+        } else if (name && m->not_identifiable[p] && statistical + common == 0) {
+            printf("  %-11s %14.8g %12s %12s %12s  not identifiable\n", name, m->value[p], "-", "-", "-");
         } else if (name) {
             printf("  %-11s %14.8g %12.3g %12.3g %12.3g%s\n", name, m->value[p], sqrt(statistical + common),
                    sqrt(statistical), sqrt(common), m->not_identifiable[p] ? "  not identifiable" : "");

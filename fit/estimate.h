@@ -76,6 +76,7 @@ struct estimate_input {
     enum estimate_filling filling;                   /* unknown: axis errors move the surface's angles only */
     enum estimate_reference reference;               /* its angle: fixed, the point's theta_i, or both */
     double kappa;                                    /* 1, or pi for the paper's printed form */
+    double q;                                        /* of a surface without band_beta; 0: 1 */
     bool q_is_one;                                   /* the paper's own use */
     bool unweighted;                                 /* the paper's Eq. 6 */
     bool any_provisional;

@@ -102,8 +102,36 @@ static int read_session(struct source *s) {
     return status;
 }
 
+static void note(struct points_report *r, const char *text) {
+    snprintf(r->note[r->n_notes++], sizeof r->note[0], "%s", text);
+}
+
+/* What fits the form of a CSV file and is all the same not what was meant. Nothing is changed: a person decides. */
+static void note_doubts(const struct fitset *d, double q, struct points_report *r) {
+    double angle = 0, least = INFINITY;
+    for (size_t i = 0; i < d->n; i++) {
+        angle = fmax(angle, fmax(d->theta_i_deg[i], fabs(d->theta_v_deg[i])));
+        least = fmin(least, d->beta[i]);
+    }
+    if (d->n > 0 && angle > 0 && angle <= M_PI / 2) {
+        note(r, "all angles are within 1.6: are they radians? They are read as degrees");
+    }
+    if (d->n > 0 && least > 2) {
+        note(r, "all values are above 2: are they per cent? A perfect diffuser has 1");
+    }
+    if (d->n > 0 && !d->has_bands && q == 0) {
+        note(r, "means alone do not tell q of a coloured surface: taken as 1; --q states it, columns by "
+                "wavelength "
+                "give it");
+    }
+}
+
 static int read_csv(struct source *s) {
     int status = points_csv_read(s->path, s->text, s->size, s->data, s->errors);
+    if (!status) {
+        s->data->input.q = s->options->q;
+        note_doubts(s->data, s->options->q, s->report);
+    }
     return status || s->data->has_bands || s->data->n == 0 ? status
                                                            : refuse_range(s, "this file holds means alone");
 }

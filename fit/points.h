@@ -27,6 +27,7 @@ struct points_options {
     int mean_low_nm, mean_high_nm;
     bool has_u; /* every point gets hypot(u_relative beta, u_absolute) */
     double u_relative, u_absolute;
+    double q; /* of a file that holds means alone; 0: not given, taken as 1 with a note */
 };
 
 struct points_report {

@@ -14,6 +14,8 @@ const char points_option_help[] =
     "  --azimuth SIDE      forward-zero or forward-pi: where others' azimuths have the mirror side;\n"
     "                      default: detected, and said\n"
     "  --wavelength LO:HI  the mean is that of these nm (default 400:700)\n"
+    "  --q Q               mean(S^2) / mean(S)^2 of a file that holds means alone (default 1: a grey "
+    "surface)\n"
     "  --u REL:ABS         every point gets u = hypot(REL beta, ABS), whatever the file states\n"
     "  --max-theta-i DEG, --max-theta-v DEG, --blind DEG, --in-plane\n"
     "                      leave out larger angles, what is nearer to the source, what is out of plane\n";
@@ -72,6 +74,13 @@ static int take_u(const char *text, struct points_options *o, struct err *e) {
                          text);
 }
 
+static int take_q(const char *text, struct points_options *o, struct err *e) {
+    return number_read_double(text, &o->q) && o->q >= 1 && o->q <= BANDS
+               ? 0
+               : err_set(e, ERR_USAGE, "--q is mean(S^2) / mean(S)^2, a number from 1 to %d, not '%.40s'",
+                         BANDS, text);
+}
+
 int points_option_take(const char *name, const char *text, struct points_options *o, struct err *e) {
     if (strcmp(name, "format") == 0) {
         return take_format(text, o, e);
@@ -90,6 +99,9 @@ int points_option_take(const char *name, const char *text, struct points_options
     }
     if (strcmp(name, "wavelength") == 0) {
         return take_range(text, o, e);
+    }
+    if (strcmp(name, "q") == 0) {
+        return take_q(text, o, e);
     }
     if (strcmp(name, "u") == 0) {
         return take_u(text, o, e);

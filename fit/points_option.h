@@ -16,7 +16,7 @@
     {"format", required_argument, NULL, code}, {"azimuth", required_argument, NULL, code},                   \
         {"max-theta-i", required_argument, NULL, code}, {"max-theta-v", required_argument, NULL, code},      \
         {"blind", required_argument, NULL, code}, {"in-plane", no_argument, NULL, code},                     \
-        {"wavelength", required_argument, NULL, code}, {                                                     \
+        {"wavelength", required_argument, NULL, code}, {"q", required_argument, NULL, code}, {               \
         "u", required_argument, NULL, code                                                                   \
     }
 

@@ -185,9 +185,10 @@ static int set_directions(struct problem *p, struct err *e) {
 }
 
 int problem_init(struct problem *p, const struct estimate_input *input, struct err *e) {
+    const double q = input->q > 0 && !input->band_beta && !input->q_is_one ? input->q : 1;
     *p = (struct problem){.n = input->n,
                           .input = input,
-                          .optics = {.kappa = input->kappa, .q = 1, .polarisation = input->polarisation}};
+                          .optics = {.kappa = input->kappa, .q = q, .polarisation = input->polarisation}};
     int status = reflectance_find(input->model, &p->model, e);
     if (status || (status = check_input(input, e))) {
         return status;

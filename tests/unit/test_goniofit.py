@@ -54,6 +54,36 @@ def evaluated(folder, material=None):
     return rows_of(out)
 
 
+def means_of(folder, material, name="means.csv", degree=1.0, scale=1.0):
+    path = folder / name
+    path.write_text("theta_i_deg,theta_v_deg,beta,u_beta\n" + "".join(
+        f"{r['theta_i_deg'] * degree},{r['theta_v_deg'] * degree},{r['beta'] * scale},{0.002 * r['beta'] * scale}\n"
+        for r in evaluated(folder, material)))
+    return path
+
+
+def test_means_of_a_coloured_surface_want_their_q(folder):
+    path = means_of(folder, dict(MATERIAL, q=1.9))
+    code, out, err = run("fit", path, "--json")
+    fitted = json.loads(out)
+    assert code == 0 and fitted["parameters"]["q"] == 1, fitted["parameters"]
+    assert fitted["parameters"]["S"] / MATERIAL["S"] - 1 > 0.005, "without it S is wrong, and no residual shows it"
+    assert any("do not tell q" in note for note in fitted["input"]["notes"])
+    code, out, err = run("fit", path, "--json", "--q", "1.9")
+    fitted = json.loads(out)
+    assert code == 0 and fitted["parameters"]["q"] == 1.9 and fitted["chi2"] < 1e-6 and not fitted["input"]["notes"]
+    assert abs(fitted["parameters"]["S"] / MATERIAL["S"] - 1) < 1e-6
+    assert run("fit", path, "--q", "0.5")[0] == 2
+
+
+def test_what_was_not_meant_is_asked(folder):
+    for unit, path in (("radians", means_of(folder, MATERIAL, "rad.csv", degree=math.pi / 180)),
+                       ("per cent", means_of(folder, MATERIAL, "percent.csv", scale=100))):
+        assert f"are they {unit}?" in run("fit", path)[1]
+    code, out, err = run("fit", means_of(folder, MATERIAL), "--max-theta-i", "5")
+    assert code == 1 and "left out: 198 points of an incidence beyond --max-theta-i" in out, out
+
+
 def test_eval_agrees_with_the_printed_equations(folder):
     rows = evaluated(folder)
     assert len(rows) == 198
