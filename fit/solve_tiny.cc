@@ -3,17 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include <ceres/tiny_solver.h>
-
 #include "fit/cholesky.h"
 #include "fit/curvature.h"
 #include "fit/stopwatch.h"
 #include "fit/normal_equations.h"
+#include "fit/tiny_descent.h"
 
 namespace {
 
-/* The square of it is what the normal equations lose: half of a double's digits, and beyond it the decisive ones. */
-constexpr double CONDITION_MAX = 1e6;
 /* The last step, in logarithms of parameters. By Gauss and Newton, and a secant, what it leaves is smaller by two orders
  * and more; by Newton alone it goes as the square, about once that, where a surface can be told from its points. */
 constexpr double SETTLED = 5e-7, SETTLED_NEWTON = 1e-5;
@@ -21,14 +18,11 @@ constexpr double NEAR = 5e-4; /* farther apart, two gradients are no second deri
 constexpr double CURVED =
     5e-3; /* a pass after a step below it may be the last, and asks for second derivatives */
 constexpr double NEAR_RADIUS = 1e10; /* of the trust region; TinySolver's 1e4 leaves 1e-3 of a step undone */
-/* Below it the cost's change is rounding. TinySolver takes absolute tolerances: those of where it starts. */
-constexpr double FLAT = 1e-14;
 constexpr int RUNS_MAX =
     4; /* a run from afar ends by its coarse tolerances and is followed by one from there */
-constexpr int ITERATIONS_MAX = 50;
 
 /* The passes of one minimisation: at a point x of the coordinates that are free. */
-class Search {
+class Search : public TinyDescent {
   public:
     Search(const struct problem *p, const bool *held, struct solve_result *result,
            struct estimate_trace *trace)
@@ -47,8 +41,7 @@ class Search {
     }
 
     bool inside(const double *x) const;
-    /* The pass at x, done or found done; false with a reason in trouble. */
-    bool visit(const double *x);
+    bool visit(const double *x) override;
     /* The last pass once more, with its second derivatives, if it lacks them. */
     bool sharpen();
     void leave(struct solve_pass *last) const;
@@ -58,16 +51,12 @@ class Search {
     }
     /* What a last step may be. */
     double settled() const {
-        return now_.curved ? SETTLED_NEWTON : SETTLED;
+        return curved_ ? SETTLED_NEWTON : SETTLED;
     }
     double may_settle() const {
         return can_curve_ ? SETTLED_NEWTON : SETTLED;
     }
-    bool factor();
-    /* R^-T J^T r of the last pass, which is factored; l is R^T. */
-    const double *reduce(double *y) const;
     bool newton(double *step, double *gain) const;
-    bool well_conditioned();
     void put(const double *x) {
         for (int a = 0; a < k_; a++) {
             full_[column_[a]] = x[a];
@@ -78,25 +67,10 @@ class Search {
             x[a] = full_[column_[a]];
         }
     }
-    int k() const {
-        return k_;
-    }
-    double chi2() const {
-        return now_.chi2;
-    }
 
     int passes = 0;
-    const char *trouble = nullptr;
 
   private:
-    struct place {
-        double x[COORDINATES_MAX], chi2, g[COORDINATES_MAX];
-        double m[COORDINATES_MAX * COORDINATES_MAX];
-        bool factored;
-        double l[COORDINATES_MAX * COORDINATES_MAX]; /* of m, where factored */
-        bool curved;
-        double second[COORDINATES_MAX * COORDINATES_MAX]; /* what m lacks, where curved */
-    };
     bool pass(const double *x, bool curved);
     void take(const struct normal_equations &s, const double *x);
     void take_curvature(const double *second);
@@ -108,9 +82,10 @@ class Search {
     double *full_;
     struct estimate_trace *trace_;
     bool can_curve_, begun_near_ = false;
-    int k_ = 0, column_[COORDINATES_MAX], places_ = 0;
+    int column_[COORDINATES_MAX], places_ = 0;
     double before_us_, begun_us_;
-    struct place now_; /* the last pass */
+    bool curved_ = false;
+    double second_[COORDINATES_MAX * COORDINATES_MAX]; /* what J^T J lacks, where curved */
     double before_x_[COORDINATES_MAX], before_g_[COORDINATES_MAX];
 };
 
@@ -139,7 +114,7 @@ void Search::take(const struct normal_equations &s, const double *x) {
     }
     std::copy(x, x + k_, now_.x);
     now_.chi2 = s.chi2;
-    now_.factored = now_.curved = false;
+    now_.factored = curved_ = false;
     for (int a = 0; a < k_; a++) {
         now_.g[a] = s.jtr[column_[a]];
         for (int b = 0; b < k_; b++) {
@@ -149,10 +124,10 @@ void Search::take(const struct normal_equations &s, const double *x) {
 }
 
 void Search::take_curvature(const double *second) {
-    now_.curved = true;
+    curved_ = true;
     for (int a = 0; a < k_; a++) {
         for (int b = 0; b < k_; b++) {
-            now_.second[a * k_ + b] = second[column_[a] * p_->k + column_[b]];
+            second_[a * k_ + b] = second[column_[a] * p_->k + column_[b]];
         }
     }
 }
@@ -195,7 +170,7 @@ bool Search::visit(const double *x) {
 
 bool Search::sharpen() {
     double x[COORDINATES_MAX];
-    if (now_.curved || !can_curve_) {
+    if (curved_ || !can_curve_) {
         return true;
     }
     std::copy(now_.x, now_.x + k_, x);
@@ -209,30 +184,6 @@ void Search::leave(struct solve_pass *last) const {
     last->sums.chi2 = now_.chi2;
     std::copy(now_.g, now_.g + k_, last->sums.jtr);
     std::copy(now_.m, now_.m + k_ * k_, last->sums.jtj);
-}
-
-bool Search::factor() {
-    now_.factored = now_.factored || cholesky_factor(k_, now_.m, now_.l);
-    return now_.factored;
-}
-
-const double *Search::reduce(double *y) const {
-    cholesky_lower(k_, now_.l, now_.g, y);
-    return now_.l;
-}
-
-/* The Jacobian scaled to columns of length 1. Its determinant answers for most: with k eigenvalues of mean 1 the least of
- * them is above det (1 - 1/k)^(k - 1), that is det / e. */
-bool Search::well_conditioned() {
-    if (!factor()) {
-        return false;
-    }
-    double determinant = 1;
-    for (int a = 0; a < k_; a++) {
-        determinant *= now_.l[a * k_ + a] * now_.l[a * k_ + a] / now_.m[a * k_ + a];
-    }
-    return k_ * M_E < determinant * CONDITION_MAX ||
-           std::sqrt(cholesky_condition(k_, now_.m)) < CONDITION_MAX;
 }
 
 /* The second derivatives that J^T J lacks, along the last step, from its two gradients (a BFGS update, as NL2SOL's). */
@@ -259,10 +210,10 @@ void Search::add_secant(double *m) const {
 /* J^T J with the second derivatives, or the secant in their place where they are not known or make no minimum. */
 bool Search::factor_whole(double *l) const {
     double m[COORDINATES_MAX * COORDINATES_MAX];
-    for (int a = 0; a < k_ * k_ && now_.curved; a++) {
-        m[a] = now_.m[a] + now_.second[a];
+    for (int a = 0; a < k_ * k_ && curved_; a++) {
+        m[a] = now_.m[a] + second_[a];
     }
-    if (now_.curved && cholesky_factor(k_, m, l)) {
+    if (curved_ && cholesky_factor(k_, m, l)) {
         return true;
     }
     std::copy(now_.m, now_.m + k_ * k_, m);
@@ -287,67 +238,6 @@ bool Search::newton(double *step, double *gain) const {
     return std::isfinite(*gain);
 }
 
-/* TinySolver's cost function: K columns, of which those beyond the free ones are a unit matrix and stay where they
- * are. A trial that cannot be made gets the present cost, at which the solver ends. */
-template <int K> struct Normal {
-    using Scalar = double;
-    enum { NUM_RESIDUALS = K + 1, NUM_PARAMETERS = K };
-
-    bool operator()(const double *x, double *residuals, double *jacobian) const {
-        const bool visited = search->visit(x);
-        std::fill(residuals, residuals + K + 1, 0.0);
-        if (!jacobian) {
-            residuals[K] = std::sqrt(visited ? search->chi2() : taken_chi2);
-            return true;
-        }
-        taken_chi2 = search->chi2();
-        std::fill(jacobian, jacobian + K * (K + 1), 0.0);
-        reduce(residuals, jacobian);
-        return true;
-    }
-
-    /* The small problem with the points' J^T J, J^T r and cost. */
-    void reduce(double *residuals, double *jacobian) const {
-        double rest = search->chi2();
-        const int k = search->k();
-        if (!search->factor()) { /* no slope: the solver ends here */
-            search->trouble = "the normal equations are singular";
-            std::fill(residuals, residuals + K + 1, 0.0);
-            return;
-        }
-        const double *l = search->reduce(residuals);
-        for (int a = 0; a < K; a++) {
-            jacobian[a * (K + 1) + a] = 1;
-            for (int b = 0; b <= a && a < k; b++) {
-                jacobian[a * (K + 1) + b] = l[a * k + b];
-            }
-            rest -= residuals[a] * residuals[a];
-        }
-        residuals[K] = std::sqrt(std::max(0.0, rest));
-    }
-
-    Search *search;
-    mutable double taken_chi2; /* TinySolver calls through a const reference */
-};
-
-template <int K> void go_down(Search *search, double *x) {
-    Normal<K> f{search, search->chi2()};
-    ceres::TinySolver<Normal<K>> solver;
-    typename ceres::TinySolver<Normal<K>>::Parameters v;
-    v.setZero();
-    std::copy(x, x + search->k(), v.data());
-    solver.options.max_num_iterations = ITERATIONS_MAX;
-    solver.options.gradient_tolerance = 0;
-    solver.options.cost_threshold = 0;
-    solver.options.parameter_tolerance = search->may_settle() / (v.norm() + search->may_settle());
-    solver.options.function_tolerance = FLAT * search->chi2();
-    if (search->begun_near()) { /* the first step is Gauss and Newton's to the digits that count */
-        solver.options.initial_trust_region_radius = NEAR_RADIUS;
-    }
-    solver.Solve(f, &v);
-    std::copy(v.data(), v.data() + search->k(), x);
-}
-
 /* Newton's step from x, which was visited last; NULL, or why there is none. */
 const char *last_step(Search *search, double *x, double *size, double *gain) {
     double step[COORDINATES_MAX];
@@ -369,7 +259,7 @@ const char *run_once(Search *search, bool *done, double *chi2) {
     if (!search->visit(x)) {
         return search->trouble;
     }
-    search->k() <= 5 ? go_down<5>(search, x) : go_down<COORDINATES_MAX>(search, x);
+    search->descend(x, search->may_settle(), search->begun_near() ? NEAR_RADIUS : TINY_RADIUS);
     search->put(x);
     if (!search->visit(x)) {
         return search->trouble;

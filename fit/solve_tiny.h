@@ -1,10 +1,7 @@
 /*
  * solve_tiny.h — Ceres' TinySolver on the normal equations of one pass.
  *
- * TinySolver forms J^T J and J^T r of whatever it is given. It is given the smallest problem that has those of the
- * points: J = R, the Cholesky factor of a pass's J^T J, and r = R^-T J^T r with one more residual for the rest of
- * the cost. So its dense algebra is of k + 1 rows, and the pass is the only cost over the points; at a step that is
- * taken the pass of its trial serves again.
+ * A pass over the points (fit/normal_equations.h) is one place of fit/tiny_descent.h, and the only cost over the points.
  * It ends before its last step is taken, once that step is small; the step is taken here, at no further pass, and by the
  * whole second derivatives where fit/curvature.h knows them: what it leaves is below 1e-9.
  * A pass that is known already, result->last at result->x over all points, is not done again.
