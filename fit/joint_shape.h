@@ -25,11 +25,11 @@ enum joint_function { JOINT_L1, JOINT_L2, JOINT_P };
 
 struct joint_shape {
     struct problem *p;
-    size_t n;
+    size_t n, room;
     int k, functions;
     int column[COORDINATES_MAX], l1[COORDINATES_MAX], l2[COORDINATES_MAX], specular[COORDINATES_MAX];
     double *f;
-    double *beta, *gradient; /* work: of the evaluation before */
+    double *columns; /* work: of two evaluations of the model */
 };
 
 /* What the parameter of a column moves: the roughness, and the index of a transmitted diffuse part, move the diffuse
@@ -38,7 +38,7 @@ bool joint_shape_is_diffuse(const struct problem *p, int column);
 /* held[] by the model's columns; S is always left out. */
 int joint_shape_init(struct joint_shape *s, struct problem *p, const bool *held, struct err *e);
 void joint_shape_free(struct joint_shape *s);
-/* x: all coordinates of the model, that of S ignored. Overwrites model_beta and gradient of p. */
+/* x: all coordinates of the model, that of S ignored. */
 int joint_shape_at(struct joint_shape *s, const double *x, struct err *e);
 
 #ifdef __cplusplus

@@ -11,242 +11,195 @@
 #include <ceres/ceres.h>
 #include <glog/logging.h>
 
-#include "fit/joint_shape.h"
+#include "fit/cholesky.h"
+#include "fit/joint_projection.h"
+#include "fit/tiny_descent.h"
 
 namespace {
 
-using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-using Columns = Eigen::MatrixXd;
-using Vector = Eigen::VectorXd;
+constexpr double SETTLED = 5e-7; /* as fit/solve_tiny.cc: what such a step leaves is smaller by two orders */
+constexpr int RUNS_MAX = 4;
+constexpr int ROUNDS_MAX = 12; /* of holding and letting go */
 
-constexpr int INNER_STEPS = 12;     /* the quadratic part is a few per cent: four reach the last bits */
-constexpr double INNER_END = 1e-15; /* relative step */
+enum outcome { SETTLED_INSIDE, MET_BOUND, FAILED };
 
-/* A column of the Jacobian of a band, as a combination of the shape's functions. */
-struct Combination {
-    int function[3];
-    double factor[3];
-    int count;
-
-    void add(int f, double x) {
-        if (f >= 0) {
-            function[count] = f;
-            factor[count++] = x;
-        }
-    }
-};
-
-/* Sums over points of w f_a f_b for every band: row b, column at(a, b). */
-class Moments {
+/* The projected problem for TinySolver, over the shared coordinates that no bound holds. */
+class Search : public TinyDescent {
   public:
-    explicit Moments(int functions) : functions_(functions) {
+    Search(Projection *projection, const struct problem *p, double *x)
+        : projection_(projection), p_(p), shared_(projection->shared()), x_(x) {
+        choose();
     }
-    static int at(int a, int b) {
-        return a < b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b;
-    }
-    void take(const Eigen::Map<const Rows> &weight, const Eigen::Map<const Columns> &f) {
-        Columns product(f.rows(), functions_ * (functions_ + 1) / 2);
-        for (int a = 0; a < functions_; a++) {
-            for (int b = 0; b <= a; b++) {
-                product.col(at(a, b)) = f.col(a).cwiseProduct(f.col(b));
-            }
-        }
-        sums_.noalias() = weight * product;
-    }
-    double operator()(int band, int a, int b) const {
-        return sums_(band, at(a, b));
-    }
-    double dot(int band, const Combination &x, const Combination &y) const {
-        double sum = 0;
-        for (int i = 0; i < x.count; i++) {
-            for (int j = 0; j < y.count; j++) {
-                sum += x.factor[i] * y.factor[j] * sums_(band, at(x.function[i], y.function[j]));
-            }
-        }
-        return sum;
-    }
+    bool visit(const double *x) override;
+    /* Down to where nothing moves, or a step leads out; x is there. */
+    enum outcome run();
+    /* Puts those that the last step led out on their bounds. */
+    void hold();
+    /* Frees the one on a bound from which the cost falls fastest inwards; false where there is none. */
+    bool release();
 
   private:
-    int functions_;
-    Columns sums_;
+    void choose();
+    bool inside(const double *x);
+    double low(int j) const {
+        return p_->low[projection_->column(j)];
+    }
+    double high(int j) const {
+        return p_->high[projection_->column(j)];
+    }
+    enum outcome last_step(double *size);
+
+    Projection *projection_;
+    const struct problem *p_;
+    int shared_, free_[COORDINATES_MAX];
+    bool held_[COORDINATES_MAX] = {};
+    double *x_,
+        led_[COORDINATES_MAX]; /* all shared coordinates; where the last step that left the bounds led */
+    double gradient_[COORDINATES_MAX]; /* of all */
+    bool begun_ = false, left_ = false;
 };
 
-class Projection {
-  public:
-    Projection(const struct joint_data *d, const double *start, bool per_band)
-        : d_(d), per_band_(per_band), weight_(d->weight, d->n_bands, d->n), beta_(d->beta, d->n_bands, d->n),
-          weighted_beta_(weight_.cwiseProduct(beta_)), s_(Vector::Constant(d->n_bands, 0.1)),
-          t_(Vector::Ones(d->n_bands)) {
-        std::copy(start, start + d->p->k, x_);
-    }
-    ~Projection() {
-        joint_shape_free(&shape_);
-    }
-    Projection(const Projection &) = delete;
-    Projection &operator=(const Projection &) = delete;
-
-    int init(struct err *e);
-    int shared() const {
-        return shape_.k;
-    }
-    int column(int j) const {
-        return shape_.column[j];
-    }
-    double start(int j) const {
-        return x_[column(j)];
-    }
-    /* Cost is the sum of squares, gradient and normal those of half of it, over the shared coordinates. */
-    bool evaluate(const double *x, double *cost, Vector *gradient, Columns *normal);
-    void report(struct joint_solution *out, double *model) const;
-
-  private:
-    void solve_inside(const Moments &m, const Columns &pulled, int band);
-    double take_residuals();
-    void project(const Moments &m, const Columns &pulled, int band, Vector *gradient, Columns *normal) const;
-
-    const struct joint_data *d_;
-    bool per_band_;
-    Eigen::Map<const Rows> weight_, beta_;
-    Rows weighted_beta_, residual_;
-    struct joint_shape shape_ = {};
-    double x_[COORDINATES_MAX] = {};
-    Vector s_, t_;
-    int evaluations_ = 0;
-};
-
-int Projection::init(struct err *e) {
-    bool held[COORDINATES_MAX] = {};
-    for (int c = 0; c < d_->p->k; c++) {
-        held[c] = per_band_ && reflectance_parameter(d_->p->model, c) == MATERIAL_BETA_PRIME;
-    }
-    residual_.resize(d_->n_bands, static_cast<Eigen::Index>(d_->n));
-    return joint_shape_init(&shape_, d_->p, held, e);
-}
-
-/* Gauss-Newton for S, and for t where it is free, on the moments alone. */
-void Projection::solve_inside(const Moments &m, const Columns &pulled, int band) {
-    double s = s_(band), t = t_(band);
-    for (int step = 0; step < INNER_STEPS; step++) {
-        double off[3];
-        for (int f = 0; f < 3; f++) {
-            off[f] = m(band, f, JOINT_L1) * s + m(band, f, JOINT_L2) * s * s + m(band, f, JOINT_P) * t -
-                     pulled(band, f);
-        }
-        const double g = off[JOINT_L1] + 2 * s * off[JOINT_L2];
-        const double h = m(band, JOINT_L1, JOINT_L1) + 4 * s * m(band, JOINT_L1, JOINT_L2) +
-                         4 * s * s * m(band, JOINT_L2, JOINT_L2);
-        const double cross = m(band, JOINT_L1, JOINT_P) + 2 * s * m(band, JOINT_L2, JOINT_P);
-        const double hp = m(band, JOINT_P, JOINT_P), det = h * hp - cross * cross;
-        double ds = g / h, dt = 0;
-        if (per_band_ && det > 1e-12 * h * hp) {
-            ds = (hp * g - cross * off[JOINT_P]) / det;
-            dt = (h * off[JOINT_P] - cross * g) / det;
-        }
-        s -= ds;
-        t -= dt;
-        if (std::fabs(ds) <= INNER_END * std::fabs(s) && std::fabs(dt) <= INNER_END * std::fabs(t)) {
-            break;
-        }
-    }
-    s_(band) = s;
-    t_(band) = t;
-}
-
-double Projection::take_residuals() {
-    Eigen::Map<const Columns> f(shape_.f, static_cast<Eigen::Index>(shape_.n), shape_.functions);
-    double cost = 0;
-    for (int b = 0; b < d_->n_bands; b++) {
-        const double s = s_(b), s2 = s * s, t = t_(b);
-        auto r = (s * f.col(JOINT_L1) + s2 * f.col(JOINT_L2) + t * f.col(JOINT_P)).transpose() - beta_.row(b);
-        residual_.row(b) = r.cwiseProduct(weight_.row(b));
-        cost += residual_.row(b).dot(r);
-    }
-    return cost;
-}
-
-/* One band's part of the outer problem: its normal block less what S and t take up. */
-void Projection::project(const Moments &m, const Columns &pulled, int band, Vector *gradient,
-                         Columns *normal) const {
-    const int k = shape_.k, inner = per_band_ ? 2 : 1;
-    const double s = s_(band), t = t_(band);
-    Combination outer[COORDINATES_MAX] = {}, own[2] = {};
-    for (int j = 0; j < k; j++) {
-        outer[j].add(shape_.l1[j], s);
-        outer[j].add(shape_.l2[j], s * s);
-        outer[j].add(shape_.specular[j], t);
-    }
-    own[0].add(JOINT_L1, 1);
-    own[0].add(JOINT_L2, 2 * s);
-    own[1].add(JOINT_P, 1);
-    Eigen::Matrix2d block = Eigen::Matrix2d::Identity();
-    Eigen::Matrix<double, 2, COORDINATES_MAX> cross = Eigen::Matrix<double, 2, COORDINATES_MAX>::Zero();
-    for (int a = 0; a < inner; a++) {
-        for (int b = 0; b < inner; b++) {
-            block(a, b) = m.dot(band, own[a], own[b]);
-        }
-        for (int j = 0; j < k; j++) {
-            cross(a, j) = m.dot(band, own[a], outer[j]);
-        }
-    }
-    if (block.determinant() <= 1e-12 * block(0, 0) * block(1, 1)) { /* no lobe in this band: t stays */
-        block(0, 1) = block(1, 0) = 0;
-        block(1, 1) = 1;
-        cross.row(1).setZero();
-    }
-    const auto taken = (block.inverse() * cross).eval();
-    for (int j = 0; j < k; j++) {
-        for (int i = 0; i < outer[j].count; i++) {
-            (*gradient)(j) += outer[j].factor[i] * pulled(band, outer[j].function[i]);
-        }
-        for (int i = 0; i <= j; i++) {
-            const double sum = m.dot(band, outer[i], outer[j]) - cross.col(i).dot(taken.col(j));
-            (*normal)(i, j) += sum;
-            (*normal)(j, i) += i == j ? 0 : sum;
+void Search::choose() {
+    k_ = 0;
+    begun_ = left_ = false;
+    trouble = nullptr;
+    for (int j = 0; j < shared_; j++) {
+        if (!held_[j]) {
+            free_[k_++] = j;
         }
     }
 }
 
-bool Projection::evaluate(const double *x, double *cost, Vector *gradient, Columns *normal) {
-    for (int j = 0; j < shape_.k; j++) {
-        x_[shape_.column[j]] = x[j];
+bool Search::inside(const double *x) {
+    bool in = true;
+    for (int a = 0; a < k_; a++) {
+        in = in && x[a] >= low(free_[a]) && x[a] <= high(free_[a]);
     }
-    if (joint_shape_at(&shape_, x_, nullptr)) {
+    for (int a = 0; a < k_ && !in; a++) {
+        led_[a] = x[a];
+    }
+    left_ = !in;
+    return in;
+}
+
+bool Search::visit(const double *x) {
+    double full[COORDINATES_MAX], normal[COORDINATES_MAX * COORDINATES_MAX];
+    if (begun_ && std::equal(x, x + k_, now_.x)) {
+        return true;
+    }
+    if (!inside(x)) {
+        trouble = "a step met a bound";
         return false;
     }
-    evaluations_++;
-    Eigen::Map<const Columns> f(shape_.f, static_cast<Eigen::Index>(shape_.n), shape_.functions);
-    Moments moments(normal ? shape_.functions : JOINT_P + 1);
-    moments.take(weight_, f);
-    Columns pulled = weighted_beta_ * f.leftCols(JOINT_P + 1);
-    for (int b = 0; b < d_->n_bands; b++) {
-        solve_inside(moments, pulled, b);
+    std::copy(x_, x_ + shared_, full);
+    for (int a = 0; a < k_; a++) {
+        full[free_[a]] = now_.x[a] = x[a];
     }
-    *cost = take_residuals();
-    if (normal) {
-        pulled.noalias() = residual_ * f;
-        gradient->setZero(shape_.k);
-        normal->setZero(shape_.k, shape_.k);
-        for (int b = 0; b < d_->n_bands; b++) {
-            project(moments, pulled, b, gradient, normal);
+    begun_ = projection_->evaluate(full, &now_.chi2, gradient_, normal);
+    now_.factored = false;
+    for (int a = 0; a < k_; a++) {
+        now_.g[a] = gradient_[free_[a]];
+        for (int b = 0; b < k_; b++) {
+            now_.m[a * k_ + b] = normal[free_[a] * shared_ + free_[b]];
         }
     }
-    return std::isfinite(*cost);
+    trouble = begun_ ? nullptr : "the cost could not be evaluated";
+    return begun_;
 }
 
-void Projection::report(struct joint_solution *out, double *model) const {
-    std::copy(x_, x_ + d_->p->k, out->x);
-    coordinates_order(d_->p->model, out->x);
-    Eigen::Map<const Columns> f(shape_.f, static_cast<Eigen::Index>(shape_.n), shape_.functions);
-    for (int b = 0; b < d_->n_bands; b++) {
-        out->s[b] = s_(b);
-        out->t[b] = t_(b);
-        if (model) {
-            Vector row = s_(b) * f.col(JOINT_L1) + s_(b) * s_(b) * f.col(JOINT_L2) + t_(b) * f.col(JOINT_P);
-            std::copy(row.data(), row.data() + row.size(), model + b * d_->n);
+/* The step that TinySolver declines to take, from where it was last. */
+enum outcome Search::last_step(double *size) {
+    double x[COORDINATES_MAX] = {};
+    *size = 0;
+    if (k_ > 0 && !well_conditioned()) {
+        return FAILED;
+    }
+    if (k_ > 0) {
+        cholesky_solve(k_, now_.l, now_.g, x);
+    }
+    for (int a = 0; a < k_; a++) {
+        *size = std::max(*size, std::fabs(x[a]));
+        x[a] = now_.x[a] - x[a];
+    }
+    if (!inside(x)) {
+        return MET_BOUND;
+    }
+    for (int a = 0; a < k_; a++) {
+        x_[free_[a]] = x[a];
+    }
+    return SETTLED_INSIDE;
+}
+
+enum outcome Search::run() {
+    double x[COORDINATES_MAX], size = INFINITY;
+    enum outcome out = FAILED;
+    for (int i = 0; i < RUNS_MAX && !(size <= SETTLED); i++) {
+        for (int a = 0; a < k_; a++) {
+            x[a] = x_[free_[a]];
+        }
+        if (!visit(x)) {
+            return FAILED;
+        }
+        if (k_ > 0) {
+            descend(x, SETTLED, TINY_RADIUS);
+        }
+        for (int a = 0; a < k_; a++) {
+            x_[free_[a]] = x[a];
+        }
+        if (trouble) {
+            return left_ ? MET_BOUND : FAILED;
+        }
+        out = visit(x) ? last_step(&size) : FAILED;
+        if (out != SETTLED_INSIDE) {
+            return out;
         }
     }
-    out->evaluations += evaluations_;
+    return size <= SETTLED ? out : FAILED;
 }
+
+void Search::hold() {
+    for (int a = 0; a < k_; a++) {
+        const int j = free_[a];
+        if (led_[a] < low(j) || led_[a] > high(j)) {
+            x_[j] = led_[a] < low(j) ? low(j) : high(j);
+            held_[j] = true;
+        }
+    }
+    choose();
+}
+
+bool Search::release() {
+    int steepest = -1;
+    for (int j = 0; j < shared_; j++) {
+        const bool inwards = held_[j] && (x_[j] <= low(j) ? gradient_[j] < 0 : gradient_[j] > 0);
+        if (inwards && (steepest < 0 || std::fabs(gradient_[j]) > std::fabs(gradient_[steepest]))) {
+            steepest = j;
+        }
+    }
+    if (steepest >= 0) {
+        held_[steepest] = false;
+        choose();
+    }
+    return steepest >= 0;
+}
+
+/* Settled inside, and against the bounds that hold; false where a solver with bounds of its own should go on from x. */
+bool settle(Projection *projection, const struct problem *p, double *x) {
+    Search search(projection, p, x);
+    for (int round = 0; round < ROUNDS_MAX; round++) {
+        const enum outcome out = search.run();
+        if (out == FAILED || (out == SETTLED_INSIDE && !search.release())) {
+            return out != FAILED;
+        }
+        if (out == MET_BOUND) {
+            search.hold();
+        }
+    }
+    return false;
+}
+
+using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Columns = Eigen::MatrixXd;
 
 /* The projected problem for Ceres: k residuals that carry gradient and normal matrix, one that carries what no step can
  * take away. */
@@ -266,11 +219,12 @@ class Outer : public ceres::CostFunction {
             residuals[k] = std::sqrt(cost);
             return fine;
         }
-        Vector gradient;
-        Columns normal;
-        if (!projection_->evaluate(x[0], &cost, &gradient, &normal)) {
+        double g[COORDINATES_MAX], m[COORDINATES_MAX * COORDINATES_MAX];
+        if (!projection_->evaluate(x[0], &cost, g, m)) {
             return false;
         }
+        const Eigen::Map<const Eigen::VectorXd> gradient(g, k);
+        const Columns normal = Eigen::Map<const Columns>(m, k, k);
         Eigen::SelfAdjointEigenSolver<Columns> eigen(normal);
         Eigen::Map<Rows> j(jacobians[0], k + 1, k);
         j.setZero();
@@ -303,10 +257,10 @@ ceres::Solver::Options make_options() {
     return options;
 }
 
-int minimise(Projection *projection, const struct joint_data *d, struct joint_solution *out, struct err *e) {
+/* From x on, inside the bounds. */
+int go_on(Projection *projection, const struct joint_data *d, std::vector<double> &x,
+          struct joint_solution *out, struct err *e) {
     const int k = projection->shared();
-    const double *low = d->p->low, *high = d->p->high;
-    std::vector<double> x(k);
     ceres::Problem::Options ownership;
     ownership.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres::Problem problem(ownership);
@@ -314,9 +268,8 @@ int minimise(Projection *projection, const struct joint_data *d, struct joint_so
     problem.AddResidualBlock(&outer, nullptr, x.data());
     for (int j = 0; j < k; j++) {
         const int c = projection->column(j);
-        x[j] = std::min(std::max(projection->start(j), low[c]), high[c]);
-        problem.SetParameterLowerBound(x.data(), j, low[c]);
-        problem.SetParameterUpperBound(x.data(), j, high[c]);
+        problem.SetParameterLowerBound(x.data(), j, d->p->low[c]);
+        problem.SetParameterUpperBound(x.data(), j, d->p->high[c]);
     }
     ceres::Solver::Summary summary;
     ceres::Solve(make_options(), &problem, &summary);
@@ -324,6 +277,20 @@ int minimise(Projection *projection, const struct joint_data *d, struct joint_so
         return err_set(e, ERR_FIT, "the joint fit failed: %s", summary.message.c_str());
     }
     out->converged = summary.termination_type == ceres::CONVERGENCE;
+    return 0;
+}
+
+int minimise(Projection *projection, const struct joint_data *d, struct joint_solution *out, struct err *e) {
+    std::vector<double> x(projection->shared());
+    for (int j = 0; j < projection->shared(); j++) {
+        const int c = projection->column(j);
+        x[j] = std::min(std::max(projection->start(j), d->p->low[c]), d->p->high[c]);
+    }
+    out->converged = settle(projection, d->p, x.data());
+    int status = out->converged ? 0 : go_on(projection, d, x, out, e);
+    if (status) {
+        return status;
+    }
     return projection->evaluate(x.data(), &out->chi2, nullptr, nullptr)
                ? 0
                : err_set(e, ERR_FIT, "the joint fit failed: its cost is no number");

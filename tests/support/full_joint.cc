@@ -58,12 +58,14 @@ class Band : public ceres::CostFunction {
 
 } // namespace
 
-double full_joint(const struct joint_data *d, bool beta_prime_per_band, double *x, double *s, double *t) {
+double full_joint(const struct joint_data *d, bool beta_prime_per_band, const bool *held, double *x,
+                  double *s, double *t) {
     ceres::Problem problem;
-    std::vector<int> held = {0};
-    for (int c = 0; c < d->p->k; c++) {
-        if (beta_prime_per_band && reflectance_parameter(d->p->model, c) == MATERIAL_BETA_PRIME) {
-            held.push_back(c);
+    std::vector<int> fixed = {0};
+    for (int c = 1; c < d->p->k; c++) {
+        if ((held && held[c]) ||
+            (beta_prime_per_band && reflectance_parameter(d->p->model, c) == MATERIAL_BETA_PRIME)) {
+            fixed.push_back(c);
         }
     }
     for (int b = 0; b < d->n_bands; b++) {
@@ -72,7 +74,7 @@ double full_joint(const struct joint_data *d, bool beta_prime_per_band, double *
             problem.SetParameterBlockConstant(t + b);
         }
     }
-    problem.SetManifold(x, new ceres::SubsetManifold(d->p->k, held));
+    problem.SetManifold(x, new ceres::SubsetManifold(d->p->k, fixed));
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_QR;
     options.logging_type = ceres::SILENT;

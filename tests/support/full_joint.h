@@ -11,9 +11,10 @@
 extern "C" {
 #endif
 
-/* x[]: the coordinates of the model (that of S unused), start and answer; s[n_bands] and t[n_bands] likewise. Returns chi2,
+/* held[] by the coordinates, or NULL; it knows no bounds. x[]: the coordinates of the model (that of S unused), start and answer; s[n_bands] and t[n_bands] likewise. Returns chi2,
  * negative where the solver does not converge. */
-double full_joint(const struct joint_data *d, bool beta_prime_per_band, double *x, double *s, double *t);
+double full_joint(const struct joint_data *d, bool beta_prime_per_band, const bool *held, double *x,
+                  double *s, double *t);
 
 #ifdef __cplusplus
 }

@@ -47,47 +47,99 @@ static void keep_bands(const int *band, int n) {
     }
 }
 
+struct both { /* the joint fit, and one problem over all parameters */
+    struct problem p;
+    struct joint_data data;
+    struct joint_solution found;
+    double x[COORDINATES_MAX], s[BANDS], t[BANDS], chi2;
+};
+
+static void begin_both(struct both *w, bool per_band) {
+    double value[MATERIAL_PARAMETERS];
+    assert_int_equal(problem_init(&w->p, &m.input, NULL), 0);
+    assert_int_equal(problem_evaluate(&w->p, m.value, NULL), 0);
+    assert_int_equal(joint_data_init(&w->data, &w->p, NULL), 0);
+    for (int i = 0; i < MATERIAL_PARAMETERS; i++) {
+        value[i] = m.value[i] * 1.1;
+    }
+    coordinates_from_value(w->p.model, value, w->x);
+    assert_int_equal(joint_solve(&w->data, w->x, per_band, &w->found, NULL, NULL), 0);
+    assert_true(w->found.converged);
+}
+
+static void solve_whole(struct both *w, bool per_band, const bool *held) {
+    for (int b = 0; b < w->data.n_bands; b++) {
+        w->s[b] = 0.2;
+        w->t[b] = 1;
+    }
+    w->chi2 = full_joint(&w->data, per_band, held, w->x, w->s, w->t);
+    assert_true(w->chi2 > 0);
+}
+
+static void assert_agreement(const struct both *w, bool per_band) {
+    assert_true(fabs(w->found.chi2 - w->chi2) < 1e-9 * w->chi2);
+    for (int c = 1; c < w->p.k; c++) {
+        bool held = per_band && reflectance_parameter(w->p.model, c) == MATERIAL_BETA_PRIME;
+        assert_true(held || fabs(w->found.x[c] - w->x[c]) < 1e-7);
+    }
+    for (int b = 0; b < w->data.n_bands; b++) {
+        assert_true(fabs(w->found.s[b] / w->s[b] - 1) < 1e-7);
+        assert_true(fabs(w->found.t[b] / w->t[b] - 1) < 1e-7);
+    }
+}
+
+static void end_both(struct both *w) {
+    joint_data_free(&w->data);
+    problem_free(&w->p);
+}
+
+static const int five[] = {4, 20, 30, 44, 70};
+
 static void reaches_the_full_problems_answer(void **state) {
     (void)state;
-    static const int five[] = {4, 20, 30, 44, 70};
     struct dice d = {11};
+    struct both w;
     for (int set = 0; set < GONIOMETRY_SETS; set++) {
         for (int per_band = 0; per_band < 2; per_band++) {
-            struct problem p;
-            struct joint_data data;
-            struct joint_solution found;
-            double start[COORDINATES_MAX], x[COORDINATES_MAX], s[BANDS], t[BANDS], value[MATERIAL_PARAMETERS];
             measure(set, &d);
             keep_bands(five, 5);
-            assert_int_equal(problem_init(&p, &m.input, NULL), 0);
-            assert_int_equal(problem_evaluate(&p, m.value, NULL), 0);
-            assert_int_equal(joint_data_init(&data, &p, NULL), 0);
-            for (int i = 0; i < MATERIAL_PARAMETERS; i++) {
-                value[i] = m.value[i] * 1.1;
-            }
-            coordinates_from_value(p.model, value, start);
-            assert_int_equal(joint_solve(&data, start, per_band, &found, NULL, NULL), 0);
-            assert_true(found.converged);
-            memcpy(x, start, sizeof x);
-            for (int b = 0; b < 5; b++) {
-                s[b] = 0.2;
-                t[b] = 1;
-            }
-            double chi2 = full_joint(&data, per_band, x, s, t);
-            assert_true(chi2 > 0);
-            assert_true(fabs(found.chi2 - chi2) < 1e-9 * chi2);
-            for (int c = 1; c < p.k; c++) {
-                bool held = per_band && reflectance_parameter(p.model, c) == MATERIAL_BETA_PRIME;
-                assert_true(held || fabs(found.x[c] - x[c]) < 1e-7);
-            }
-            for (int b = 0; b < 5; b++) {
-                assert_true(fabs(found.s[b] / s[b] - 1) < 1e-7);
-                assert_true(fabs(found.t[b] / t[b] - 1) < 1e-7);
-            }
-            joint_data_free(&data);
-            problem_free(&p);
+            begin_both(&w, per_band);
+            solve_whole(&w, per_band, NULL);
+            assert_agreement(&w, per_band);
+            end_both(&w);
         }
     }
+}
+
+/* An index just above its bound, in noise, is drawn to it in some of the draws: it stays there, and the rest is the best fit
+ * with it held. Without bounds the index would go beyond, and the cost fall. */
+static void a_bound_is_held(void **state) {
+    (void)state;
+    struct dice d = {12};
+    const double value[MATERIAL_PARAMETERS] = {0.2, 0.3, 0.07, 7.6, 1.3005};
+    int met = 0;
+    for (int draw = 0; draw < 8; draw++) {
+        struct both w;
+        goniometry_make(&m, value, 60, 10);
+        goniometry_colour(&m, 0.05, 0.4);
+        goniometry_band_noise(&m, &d, 5 * RELATIVE);
+        keep_bands(five, 5);
+        begin_both(&w, false);
+        const int n = reflectance_column(w.p.model, MATERIAL_N);
+        bool held[COORDINATES_MAX] = {false};
+        held[n] = w.found.x[n] == w.p.low[n];
+        met += held[n];
+        w.x[n] = held[n] ? w.p.low[n] : w.x[n];
+        solve_whole(&w, false, held);
+        assert_agreement(&w, false);
+        if (held[n]) {
+            solve_whole(&w, false, NULL);
+            assert_true(w.x[n] < w.p.low[n] && w.chi2 < w.found.chi2);
+        }
+        end_both(&w);
+    }
+    print_message("# %d of 8 at the bound\n", met);
+    assert_true(met > 0 && met < 8);
 }
 
 static void one_band_is_the_ordinary_fit(void **state) {
@@ -297,6 +349,7 @@ static void pulls_are_as_stated(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(reaches_the_full_problems_answer),
+        cmocka_unit_test(a_bound_is_held),
         cmocka_unit_test(one_band_is_the_ordinary_fit),
         cmocka_unit_test(missing_bands_and_values_stay_out),
         cmocka_unit_test(a_zero_of_the_axes_is_found),
