@@ -106,7 +106,10 @@ int bench_time_run(char *const *words, const char *report, int repeats, struct b
                    struct err *e);
 
 /* S4: a fold of one strongly coloured paint, 5 bounces, at the centres of pixels; its section of the report. */
-int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, struct err *e);
+int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, FILE *rows,
+                      struct err *e);
+#define BENCH_FOLDS 9 /* blocks of rows, if not NULL: each paint with each way to carry */
+const char *bench_fold_name(int block);
 /* S5: a mesh in an environment, and what finer meshes cost. */
 int bench_mesh_report(const char *folder, const struct bench_size *size, FILE *out, struct err *e);
 

@@ -10,15 +10,13 @@
 #include "fit/stopwatch.h"
 
 #define BOUNCES 5
-
 #define ROWS 3 /* 4, 16, 64 paths a pixel */
 
-enum carry {                /* what a path carries */
-             FULL,          /* 81 bands, as goniorender does */
-             HERO,          /* 4 stratified wavelengths, for all light */
-             HERO_INDIRECT, /* the same for light over several surfaces alone */
-             CARRIES
-};
+/* What a path carries: 81 bands, as goniorender does; 4 stratified wavelengths for all light; the same for light over
+ * several surfaces alone. */
+enum carry { FULL, HERO, HERO_INDIRECT, CARRIES };
+static const char *const shorts[CARRIES] = {"81", "4", "4 indirect"};
+static const char *const carries[CARRIES] = {"81 bands", "4 wavelengths", "4 wavelengths of indirect light"};
 
 struct results {
     double reference_rmse;
@@ -303,15 +301,29 @@ static double efficiency(const struct bench_error *r) {
     return 1 / (r->relmse * r->trace_s);
 }
 
+const char *bench_fold_name(int block) {
+    static char name[64];
+    snprintf(name, sizeof name, "%s %s", paints[block / CARRIES].name, shorts[block % CARRIES]);
+    return name;
+}
+
+static void write_rows(int paint, const struct results *x, FILE *rows) {
+    for (int i = 0; i < ROWS * CARRIES; i++) {
+        const struct bench_error *r = &x->row[i / ROWS][i % ROWS];
+        fprintf(rows, "S4 %s,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n%s",
+                bench_fold_name(paint * CARRIES + i / ROWS), r->samples, r->rmse, r->edge_rmse, r->inner_rmse,
+                r->relmse, r->largest, r->de_mean, r->de_p95, r->de_largest, r->trace_s, x->reference_rmse,
+                i % ROWS == ROWS - 1 ? "\n\n" : "");
+    }
+}
+
 static void print_rows(const char *paint, const struct results *x, FILE *out) {
-    static const char *const names[CARRIES] = {"81 bands", "4 wavelengths",
-                                               "4 wavelengths of indirect light"};
     for (int i = 0; i < ROWS * CARRIES; i++) {
         const struct bench_error *r = &x->row[i / ROWS][i % ROWS];
         bool at_floor = x->reference_rmse > r->rmse / 10;
-        fprintf(out, "| %s | %s | %d | %.2e%s | %.2e | %.3f | %.3f | %.3f | %.2e |\n", paint, names[i / ROWS],
-                r->samples, r->rmse, at_floor ? " at reference floor" : "", r->relmse, r->de_mean, r->de_p95,
-                r->trace_s, efficiency(r));
+        fprintf(out, "| %s | %s | %d | %.2e%s | %.2e | %.3f | %.3f | %.3f | %.2e |\n", paint,
+                carries[i / ROWS], r->samples, r->rmse, at_floor ? " at reference floor" : "", r->relmse,
+                r->de_mean, r->de_p95, r->trace_s, efficiency(r));
     }
 }
 
@@ -337,12 +349,13 @@ static void print_figures(const struct results *x, FILE *out) {
     fputc('\n', out);
 }
 
-int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, struct err *e) {
+int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, FILE *rows,
+                      struct err *e) {
     struct results x[PAINTS];
     int status = 0;
     fprintf(
         out,
-        "## S4: a fold, 5 bounces\n\nTwo perpendicular sides of one paint, S 0.1 to 0.9 and else as "
+        "## A fold, 5 bounces (S4)\n\nTwo perpendicular sides of one paint, S 0.1 to 0.9 and else as "
         "published for that much water; %d x %d pixels\n"
         "at their centres; reference %d paths a pixel in two halves, directions by cosine alone from another "
         "generator.\n"
@@ -357,6 +370,9 @@ int bench_fold_report(const char *folder, const struct bench_size *size, FILE *o
         status = run(folder, paints[p].parameters, size, &x[p], e);
         if (!status) {
             print_rows(paints[p].name, &x[p], out);
+            if (rows) {
+                write_rows(p, &x[p], rows);
+            }
         }
     }
     if (!status) {

@@ -344,19 +344,21 @@ static void draw(const struct bench *b) {
     }
     fprintf(
         gnuplot,
-        "set terminal svg size 1200,480 background rgb 'white'\nset output '%s'\nset datafile separator ','\n"
+        "set terminal svg size 1700,480 background rgb 'white'\nset output '%s'\nset datafile separator ','\n"
         "set logscale xy\nset xlabel 'CPU time of tracing, s'\nset ylabel 'RMSE over the mean Y'\nset "
         "grid\nset key outside\n"
-        "set multiplot layout 1,2\nset title 'cylinder under a beam'\n",
+        "set multiplot layout 1,3\nset title 'cylinder under a beam'\n",
         b->plot);
     draw_blocks(b, gnuplot, 0, bench_scenes, cylinder_name);
     fputs("set title 'panel under a rectangle light (S3)'\n", gnuplot);
     draw_blocks(b, gnuplot, bench_scenes, 2 * bench_panels, panel_name);
+    fputs("set title 'fold, 5 bounces (S4)'\n", gnuplot);
+    draw_blocks(b, gnuplot, bench_scenes + 2 * bench_panels, BENCH_FOLDS, bench_fold_name);
     if (pclose(gnuplot) == 0) {
         const char *slash = strrchr(b->plot, '/');
         fprintf(b->out,
                 "![RMSE against the CPU time of tracing, log-log: 1 to 64 samples, 4 to 256 of the "
-                "panel](images/%s)\n\n",
+                "panel, 4 to 64 of the fold](images/%s)\n\n",
                 slash ? slash + 1 : b->plot);
     }
 }
@@ -365,12 +367,12 @@ static int run_all(struct bench *b, struct err *e) {
     print_head(b);
     int status = bench_errors_of_all(b, e);
     status = status ? status : bench_panels_of_all(b, e);
+    status = status ? status : bench_fold_report(b->folder, b->size, b->out, b->rows, e);
     if (b->rows) {
         fclose(b->rows);
         b->rows = NULL;
     }
     draw(b);
-    status = status ? status : bench_fold_report(b->folder, b->size, b->out, e);
     status = status ? status : bench_mesh_report(b->folder, b->size, b->out, e);
     status = status ? status : bench_times(b, e);
     status = status ? status : bench_parts(b, e);

@@ -291,15 +291,17 @@ def test_bench_writes_its_report(folder):
     assert code == 0 and out == "", err
     report = (folder / "r.md").read_text()
     for words in ("the figures below are worth nothing", "| S2 acrylic 17 | 64 |", "recolour, planes in memory",
-                  "| sums over wavelengths |", "| 20 nm |", "## S5: a mesh", "| 8832 |"):
+                  "| sums over wavelengths |", "| 20 nm |", "(S4)", "## S5: a mesh", "| 8832 |"):
         assert words in report, words
     assert re.search(r"at most \d\.\de-1[0-9] apart", report), "shade.h and reflectance.h differ"
     rows = [line.split(",") for line in (folder / "r.csv").read_text().splitlines() if line]
-    assert len(rows) == 1 + 6 * 4 + 5 * 2 * 4
+    assert len(rows) == 1 + 6 * 4 + 5 * 2 * 4 + 9 * 3
     rmse = {(row[0], row[1]): float(row[2]) for row in rows[1:]}
     # Narrow lobes need facets, a wide one the light alone, and each is what a picture takes.
     assert 10 * rmse["S3 g .01 3000 facets (chosen)", "64"] < rmse["S3 g .01 3000 light", "64"]
     assert rmse["S3 g .2 15.7 light (chosen)", "16"] < rmse["S3 g .2 15.7 facets", "16"]
+    # The same paths with 4 wavelengths each add the noise of colour.
+    assert all(rmse["S4 90 % 81", n] < 0.7 * rmse["S4 90 % 4", n] for n in ("4", "16", "64"))
     assert run("bench", "fast")[0] == 2
 
 
