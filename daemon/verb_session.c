@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#define SESSION_PATH_MAX 500 /* SQLite takes 512, its journal's ending included */
 #define SYSTEM_FOLDER "/var/lib/goniod/sessions"
 
 const char *verb_sessions_folder(const char *named, int need, char *buffer, size_t size) {
@@ -25,10 +26,13 @@ const char *verb_sessions_folder(const char *named, int need, char *buffer, size
 int verb_session_path(const struct verb_args *args, const char *session, char *path, size_t size,
                       struct err *e) {
     char folder[400];
+    verb_sessions_folder(args->sessions, F_OK, folder, sizeof folder);
+    if (strlen(session) > SESSION_PATH_MAX)
+        return err_set(e, ERR_USAGE, "the path of a session is at most %d characters long, not %zu",
+                       SESSION_PATH_MAX, strlen(session));
     snprintf(path, size, "%s", session);
     if (access(path, F_OK) == 0)
         return 0;
-    verb_sessions_folder(args->sessions, F_OK, folder, sizeof folder);
     snprintf(path, size, "%s/%s", folder, session);
     if (access(path, F_OK) == 0)
         return 0;

@@ -107,6 +107,10 @@ static void show_tells_a_person(void **state) {
     expect(RUN("show", row_path), 0, "beta_prime", "");
     expect(RUN("show", "nowhere"), 2, "", "there is no session nowhere");
     expect(RUN("show"), 2, "", "show");
+    char longest[4096];
+    memset(longest, 'x', sizeof longest);
+    longest[sizeof longest - 1] = 0;
+    expect(RUN("show", longest), 2, "", "at most 500 characters long, not 4095");
 }
 
 static void show_as_json(void **state) {

@@ -146,6 +146,7 @@ def a_command_line_that_is_none(place):
     found += said(place.run("goniod", "--simulate", "--bench", "truth.yaml"), 2, r"truth\.yaml:3:\d+", "did you mean 'name'")
     place.write("truth.yaml", "holder:\n  - {name: sample, deg: 0, brdf: absent.brdf}\n")
     found += said(place.run("goniod", "--simulate", "--bench", "truth.yaml", "--check-config"), 2, "absent.brdf")
+    found += said(place.run("goniosim", "--certificate", "ptfe.csv"), 1, "ptfe.csv: exists already; nothing is overwritten")
     found += said(place.run("gonioctl", "shwo"), 2, "did you mean 'show'")
     found += said(place.run("gonioctl", "show", "--dmup"), 2, "no option --dmup")
     found += said(place.run("gonioctl", "move", "source"), 2, "needs AXIS DEG")
