@@ -9,7 +9,7 @@ from pathlib import Path
 BUILD = Path(os.environ.get("BUILD", "build"))
 GONIOD, GONIOCTL = (BUILD / "goniod").resolve(), (BUILD / "gonioctl").resolve()
 CERTIFICATE = Path("docs/examples/demo/ptfe.csv")
-START_S, JOB_S = 20, 120  # far beyond what a busy machine needs
+START_S, JOB_S = 60, 300  # far beyond what a busy machine needs
 
 JOB = """name: {name}
 samples:

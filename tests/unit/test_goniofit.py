@@ -12,7 +12,7 @@ MATERIAL = {"S": 0.2, "sigma": 0.3, "gamma": 0.07, "beta_prime": 7.6, "n": 1.7, 
 
 
 def run(*words, text=None):
-    done = subprocess.run([GONIOFIT, *map(str, words)], input=text, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([GONIOFIT, *map(str, words)], input=text, capture_output=True, text=True, timeout=300)
     return done.returncode, done.stdout, done.stderr
 
 

@@ -36,7 +36,7 @@ def evaluated(folder, set_, kappa, i_deg, v_deg):
     (folder / "p.json").write_text(json.dumps(dict(zip(names, set_), kappa=kappa)))
     (folder / "g.csv").write_text(f"theta_i_deg,theta_v_deg\n{i_deg},{v_deg}\n")
     out = subprocess.run([GONIOFIT, "eval", "--params", folder / "p.json", "--points", folder / "g.csv"],
-                         capture_output=True, text=True, check=True, timeout=60).stdout
+                         capture_output=True, text=True, check=True, timeout=300).stdout
     return float(out.splitlines()[1].split(",")[2])
 
 
