@@ -95,8 +95,9 @@ static void a_late_reply_never_becomes_a_value(void **state) {
         act[37].delay_ms = k < 3 ? LATE_MS[k % 3] : 0;
         start(k >= 3, act, 400);
         int good = 0;
-        int64_t end = clock_stamp(&clock_) + 2400000;
-        while (clock_stamp(&clock_) < end) {
+        int64_t begun = clock_stamp(&clock_);
+        while (clock_stamp(&clock_) < begun + 2400000 || good <= 5) {
+            assert_true(clock_stamp(&clock_) < begun + 60000000);
             struct modbus_request rq;
             int addr = 100 + good % 50, result = read_regs(&rq, addr, 1);
             if (result == 0) {
@@ -106,7 +107,6 @@ static void a_late_reply_never_becomes_a_value(void **state) {
                 wait_until_ready();
             }
         }
-        assert_true(good > 5);
         stop();
     }
 }
@@ -125,11 +125,37 @@ static void a_doubled_reply_is_thrown_away(void **state) {
     stop();
 }
 
+struct failure {
+    int flags, rtu, tcp;
+};
+
+/* False: a busy machine kept the peer from answering in time, which is another failure. */
+static bool failure_is_told(const struct failure *f, bool tcp) {
+    struct peer_act act[] = {{0, f->flags}, {0, 0}, {0, 0}};
+    start(tcp, act, 3);
+    struct modbus_request rq;
+    int want = tcp ? f->tcp : f->rtu, result = read_regs(&rq, 10, 1);
+    bool late = result == -ERR_TIMEOUT && want != -ERR_TIMEOUT;
+    assert_true(late || result == want);
+    if (want == -ERR_DEVICE && !late)
+        assert_int_equal(rq.exception, 4);
+    struct modbus_link_state s;
+    modbus_link_state(&bus, &s);
+    if (want == -ERR_IO || want == -ERR_TIMEOUT) {
+        result = read_regs(&rq, 10, 1);
+        assert_true(result == (tcp ? -ERR_LINK : -ERR_BUSY) || clock_stamp(&clock_) > s.ready_us);
+    }
+    wait_until_ready();
+    result = read_regs(&rq, 11, 1);
+    late |= result == -ERR_TIMEOUT;
+    assert_true(late || (result == 0 && rq.regs[0] == 11));
+    stop();
+    return !late;
+}
+
 static void each_failure_has_its_code(void **state) {
     (void)state;
-    static const struct {
-        int flags, rtu, tcp;
-    } CASES[] = {
+    static const struct failure CASES[] = {
         {PEER_DROP, -ERR_TIMEOUT, -ERR_TIMEOUT},
         {PEER_BAD_CRC, -ERR_IO, 0}, /* on TCP the last byte is data, nothing guards it */
         {PEER_REFUSE, -ERR_DEVICE, -ERR_DEVICE},
@@ -137,21 +163,9 @@ static void each_failure_has_its_code(void **state) {
         {PEER_HANG_UP, -ERR_TIMEOUT, -ERR_LINK},
     };
     for (int tcp = 0; tcp < 2; tcp++)
-        for (size_t i = 0; i < sizeof CASES / sizeof *CASES; i++) {
-            struct peer_act act[] = {{0, CASES[i].flags}, {0, 0}, {0, 0}};
-            start(tcp, act, 3);
-            struct modbus_request rq;
-            int want = tcp ? CASES[i].tcp : CASES[i].rtu;
-            assert_int_equal(read_regs(&rq, 10, 1), want);
-            if (want == -ERR_DEVICE)
-                assert_int_equal(rq.exception, 4);
-            if (want == -ERR_IO || want == -ERR_TIMEOUT)
-                assert_true(read_regs(&rq, 10, 1) == (tcp ? -ERR_LINK : -ERR_BUSY));
-            wait_until_ready();
-            assert_int_equal(read_regs(&rq, 11, 1), 0);
-            assert_int_equal(rq.regs[0], 11);
-            stop();
-        }
+        for (size_t i = 0; i < sizeof CASES / sizeof *CASES; i++)
+            for (int tries = 0; !failure_is_told(&CASES[i], tcp);)
+                assert_true(++tries < KEPT_TRIES);
 }
 
 static void a_timeout_is_bounded(void **state) {
