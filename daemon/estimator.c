@@ -15,6 +15,7 @@
 
 #include "proto/process.h"
 
+#define SEND_PATIENCE_MS 1000
 #define PREFIX 4 /* uint32, little-endian: bytes of text that follow */
 
 struct estimator {
@@ -24,8 +25,11 @@ struct estimator {
     pid_t child; /* 0 = none */
     int fd;      /* -1 = none */
     int timer_fd;
-    int failures; /* in a row */
-    bool open;    /* a question is open */
+    int failures;      /* in a row */
+    bool open;         /* a question is open */
+    bool over;         /* its reply is whole, or `why` says that there will be none */
+    const char *why;   /* or NULL */
+    int64_t answer_us; /* not before */
     estimator_answer *answer;
     void *arg;
     char *out;
@@ -55,17 +59,17 @@ static void clear_question(struct estimator *s) {
     free(s->out);
     s->out = NULL;
     s->out_size = s->out_done = s->in_size = 0;
-    s->open = false;
+    s->open = s->over = false;
+    s->why = NULL;
     set_deadline(s, 0);
 }
 
 static void give_up(struct estimator *s, const char *why) {
-    struct err e = {0};
-    err_set(&e, ERR_FIT, "%s %s: the measurement goes on without this estimate", s->program, why);
-    s->failures++;
     end_child(s);
-    clear_question(s);
-    s->answer(s->arg, NULL, &e);
+    set_deadline(s, 0);
+    s->failures++;
+    s->why = why;
+    s->over = true;
 }
 
 /* ---- the child ---- */
@@ -109,6 +113,14 @@ static void send_more(struct estimator *s) {
     }
 }
 
+/* Not in bench_wait: the child only reads until it has the whole question. */
+static void send_now(struct estimator *s) {
+    struct pollfd fd = {.fd = s->fd, .events = POLLOUT};
+    do
+        send_more(s);
+    while (!s->over && s->out_done < s->out_size && poll(&fd, 1, SEND_PATIENCE_MS) > 0);
+}
+
 static size_t reply_size(const struct estimator *s) {
     const unsigned char *p = (const unsigned char *)s->in;
     return p[0] | p[1] << 8 | p[2] << 16 | (size_t)p[3] << 24;
@@ -116,14 +128,16 @@ static size_t reply_size(const struct estimator *s) {
 
 static void deliver(struct estimator *s) {
     json_error_t where;
-    json_t *reply = json_loadb(s->in + PREFIX, s->in_size - PREFIX, 0, &where);
-    if (!reply) {
+    struct err e = {0};
+    json_t *reply = s->why ? NULL : json_loadb(s->in + PREFIX, s->in_size - PREFIX, 0, &where);
+    if (!reply && !s->why)
         give_up(s, "answered with something that is not JSON");
-        return;
-    }
-    s->failures = 0;
+    if (!reply)
+        err_set(&e, ERR_FIT, "%s %s: the measurement goes on without this estimate", s->program, s->why);
+    else
+        s->failures = 0;
     clear_question(s);
-    s->answer(s->arg, reply, NULL);
+    s->answer(s->arg, reply, reply ? NULL : &e);
     json_decref(reply);
 }
 
@@ -146,7 +160,7 @@ static bool make_room(struct estimator *s, size_t size) {
 }
 
 static void receive_more(struct estimator *s) {
-    for (size_t missing; s->open && (missing = reply_missing(s)) > 0;) {
+    for (size_t missing; (missing = reply_missing(s)) > 0;) {
         if (!make_room(s, s->in_size + missing)) {
             give_up(s, "sent a reply too long to take");
             return;
@@ -163,28 +177,34 @@ static void receive_more(struct estimator *s) {
         }
         s->in_size += n;
     }
-    if (s->open)
-        deliver(s);
+    set_deadline(s, 0);
+    s->over = true;
 }
 
 /* ---- the bench service ---- */
 
+/* From here on virtual time stands still until there is an answer. Before, nothing of the child may be noticed: even a
+ * wait that is woken for nothing looks at what it waits for, at a time that no two runs have in common. */
+static bool is_due(const struct estimator *s) {
+    return clock_now_us(s->bench->clock) >= s->answer_us;
+}
+
 static int64_t due_us(void *self) {
-    (void)self;
-    return CLOCK_NEVER;
+    const struct estimator *s = self;
+    return s->open && (s->over || !is_due(s)) ? s->answer_us : CLOCK_NEVER;
 }
 
 static void run(void *self) {
     struct estimator *s = self;
     uint64_t expired = 0;
-    if (read(s->timer_fd, &expired, sizeof expired) > 0 && s->open) {
+    if (read(s->timer_fd, &expired, sizeof expired) > 0 && s->open && !s->over)
         give_up(s, "did not answer in time");
-        return;
-    }
-    if (s->open)
+    if (s->open && !s->over)
         send_more(s);
-    if (s->open)
+    if (s->open && !s->over)
         receive_more(s);
+    if (s->open && s->over && is_due(s))
+        deliver(s);
 }
 
 bool estimator_idle(void *self) {
@@ -192,12 +212,13 @@ bool estimator_idle(void *self) {
 }
 
 static bool outstanding(void *self) {
-    return ((struct estimator *)self)->open;
+    const struct estimator *s = self;
+    return s->open && is_due(s);
 }
 
 static int descriptors(void *self, struct pollfd *fd, int max) {
     struct estimator *s = self;
-    if (!s->open || max < 2)
+    if (!s->open || s->over || !is_due(s) || max < 2)
         return 0;
     short events = POLLIN | (s->out_done < s->out_size ? POLLOUT : 0);
     fd[0] = (struct pollfd){.fd = s->fd, .events = events};
@@ -278,7 +299,9 @@ static int frame_request(struct estimator *s, char *request) {
     return 0;
 }
 
-int estimator_ask(struct estimator *s, char *request, estimator_answer *answer, void *arg, struct err *e) {
+int estimator_ask(struct estimator *s, char *request, int64_t virtual_us, estimator_answer *answer, void *arg,
+                  struct err *e) {
+    const struct clock *clock = s->bench->clock;
     int result = s->open ? err_set(e, ERR_BUSY, "%s is still at the question before", s->program) : 0;
     if (result == 0 && s->fd < 0)
         result = start_child(s, e);
@@ -289,9 +312,12 @@ int estimator_ask(struct estimator *s, char *request, estimator_answer *answer, 
     if (frame_request(s, request) < 0)
         return err_set(e, ERR_NOMEM, "no memory for a question to %s", s->program);
     s->open = true;
+    s->answer_us = clock_now_us(clock) + (clock->is_virtual ? virtual_us : 0);
     s->answer = answer;
     s->arg = arg;
     set_deadline(s, s->deadline_s);
+    if (!is_due(s))
+        send_now(s);
     return 0;
 }
 

@@ -5,7 +5,7 @@
  * first question by posix_spawn over a socketpair (its stdin and stdout), found as GONIOFIT or beside
  * goniod's own program, and asked in length-prefixed JSON (fit/serve.h). It ends when its socket closes, so
  * it never outlives goniod. A child that dies, or does not answer within ESTIMATOR_DEADLINE_S of real time
- * (also under a virtual clock, which stands still meanwhile), is killed and the question fails; after
+ * (also under a virtual clock), is killed and the question fails; after
  * ESTIMATOR_RESTARTS failures in a row it is not started again until estimator_forgive.
  *
  * Threads    the campaign thread.
@@ -39,10 +39,11 @@ int estimator_program(const char *named, char *path, size_t size, struct err *e)
 int estimator_new(struct estimator **estimator, struct bench *bench, const char *program, int deadline_s,
                   struct err *e);
 void estimator_free(struct estimator *estimator); /* kills the child; no answer comes any more */
-/* Takes the text over (malloc'd). -ERR_BUSY while a question is open; -ERR_FIT when the child cannot be
- * started. */
-int estimator_ask(struct estimator *estimator, char *request, estimator_answer *answer, void *arg,
-                  struct err *e);
+/* Takes the text over (malloc'd). A virtual clock goes on for virtual_us and stands still from then on until there is
+ * an answer, which comes at that time whenever the child has found it; with a real clock it comes as soon as it is
+ * there. -ERR_BUSY while a question is open; -ERR_FIT when the child cannot be started. */
+int estimator_ask(struct estimator *estimator, char *request, int64_t virtual_us, estimator_answer *answer,
+                  void *arg, struct err *e);
 bool estimator_idle(void *estimator); /* for bench_wait: no question is open */
 /* An open question gets no answer any more. */
 void estimator_drop(struct estimator *estimator);

@@ -13,6 +13,7 @@
 
 #define EXCHANGE_AGE_REAL_US US_PER_S             /* design 4.5 */
 #define EXCHANGE_AGE_VIRTUAL_US (1000 * US_PER_S) /* the same second of the disk's time */
+#define EXCHANGES_AT_ONCE 64
 
 struct file {
     struct session *session; /* writer thread only */
@@ -32,6 +33,7 @@ struct writer {
     atomic_int failed;
     struct err failure; /* under lock */
     int64_t last_ticket;
+    int asleep; /* campaign thread: exchanges pushed since the writer was last woken */
     int done_fd;
     struct file file[WRITER_FILES];
 };
@@ -104,33 +106,40 @@ static void execute(struct writer *w, struct record *r) {
         fail(w, &e);
 }
 
-static struct record *next_record(struct writer *w) {
+/* All that waits, in its order. */
+static struct record *take_records(struct writer *w) {
     pthread_mutex_lock(&w->lock);
     while (!w->first)
         pthread_cond_wait(&w->more, &w->lock);
-    struct record *r = w->first;
-    w->first = r->next;
-    if (!w->first)
-        w->last = &w->first;
+    struct record *first = w->first;
+    w->first = NULL;
+    w->last = &w->first;
     pthread_mutex_unlock(&w->lock);
-    return r;
+    return first;
+}
+
+static void finish(struct writer *w, struct record *r) {
+    atomic_fetch_sub(&w->waiting_bytes, r->size);
+    if (r->ticket) {
+        atomic_store(&w->done_ticket, r->ticket);
+        uint64_t one = 1;
+        ssize_t ignored = write(w->done_fd, &one, sizeof one);
+        (void)ignored;
+    }
+    free(r);
 }
 
 static void *writer_thread(void *arg) {
     struct writer *w = arg;
     for (bool going = true; going;) {
-        struct record *r = next_record(w);
-        going = r->kind != RECORD_STOP;
-        if (going)
-            execute(w, r);
-        atomic_fetch_sub(&w->waiting_bytes, r->size);
-        if (r->ticket) {
-            atomic_store(&w->done_ticket, r->ticket);
-            uint64_t one = 1;
-            ssize_t ignored = write(w->done_fd, &one, sizeof one);
-            (void)ignored;
+        for (struct record *next, *r = take_records(w); r; r = next) {
+            next = r->next;
+            if (r->kind == RECORD_STOP)
+                going = false;
+            else
+                execute(w, r);
+            finish(w, r);
         }
-        free(r);
     }
     return NULL;
 }
@@ -237,9 +246,18 @@ static struct record *record_new(struct writer *w, enum record_kind kind, int fi
     return r;
 }
 
+/* To wake a thread costs more than an exchange to write: a commit follows within its age anyway. */
+static bool wakes(struct writer *w, const struct record *r) {
+    if (r->kind == RECORD_EXCHANGE && ++w->asleep < EXCHANGES_AT_ONCE)
+        return false;
+    w->asleep = 0;
+    return true;
+}
+
 static void push(struct writer *w, struct record *r) {
     if (!r)
         return;
+    bool wake = wakes(w, r);
     atomic_fetch_add(&w->waiting_bytes, r->size);
     struct file *f = &w->file[r->file];
     bool row = r->kind >= RECORD_TEXT && r->kind <= RECORD_EXCHANGE;
@@ -248,7 +266,8 @@ static void push(struct writer *w, struct record *r) {
     pthread_mutex_lock(&w->lock);
     *w->last = r;
     w->last = &r->next;
-    pthread_cond_signal(&w->more);
+    if (wake)
+        pthread_cond_signal(&w->more);
     pthread_mutex_unlock(&w->lock);
 }
 

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "daemon/estimator.h"
@@ -71,15 +72,15 @@ static int tear_down(void **state) {
 
 static void ask(struct fixture *f, const char *text) {
     struct err e = {0};
-    assert_int_equal(estimator_ask(f->estimator, strdup(text), answered, f, &e), 0);
+    assert_int_equal(estimator_ask(f->estimator, strdup(text), 0, answered, f, &e), 0);
     assert_int_equal(bench_wait(&f->bench, CLOCK_NEVER, estimator_idle, f->estimator, NULL), BENCH_DONE);
 }
 
 static void a_question_is_answered_and_virtual_time_waits(void **state) {
     struct fixture *f = *state;
     struct err e = {0};
-    assert_int_equal(estimator_ask(f->estimator, strdup("{\"id\":7,\"do\":\"\"}"), answered, f, NULL), 0);
-    assert_int_equal(estimator_ask(f->estimator, strdup("{}"), answered, f, &e), -ERR_BUSY);
+    assert_int_equal(estimator_ask(f->estimator, strdup("{\"id\":7,\"do\":\"\"}"), 0, answered, f, NULL), 0);
+    assert_int_equal(estimator_ask(f->estimator, strdup("{}"), 0, answered, f, &e), -ERR_BUSY);
     assert_int_equal(bench_wait(&f->bench, US_PER_S, NULL, NULL, NULL), BENCH_UNTIL);
     assert_int_equal(f->answers, 1); /* the second passed only after the answer had come */
     assert_int_equal(f->id, 7);
@@ -91,6 +92,26 @@ static void a_question_is_answered_and_virtual_time_waits(void **state) {
     free(large);
     assert_int_equal(f->id, 8);
     assert_true(f->size > 2999000);
+}
+
+/* The answer has its own time: not when the child has found it, which no two runs have in common. */
+static void virtual_time_goes_on_to_the_time_of_the_answer(void **state) {
+    struct fixture *f = *state;
+    assert_int_equal(
+        estimator_ask(f->estimator, strdup("{\"id\":7,\"do\":\"\"}"), 2 * US_PER_S, answered, f, NULL), 0);
+    assert_int_equal(bench_wait(&f->bench, US_PER_S, NULL, NULL, NULL), BENCH_UNTIL);
+    struct timespec ample = {.tv_nsec = 300000000};
+    nanosleep(&ample, NULL);
+    assert_int_equal(bench_wait(&f->bench, 2 * US_PER_S - 1, NULL, NULL, NULL), BENCH_UNTIL);
+    assert_int_equal(f->answers, 0);
+    assert_int_equal(bench_wait(&f->bench, CLOCK_NEVER, estimator_idle, f->estimator, NULL), BENCH_DONE);
+    assert_int_equal(f->answers, 1);
+    assert_int_equal(clock_now_us(&f->clock), 2 * US_PER_S);
+    assert_int_equal(
+        estimator_ask(f->estimator, strdup("{\"id\":8,\"do\":\"die\"}"), US_PER_S, answered, f, NULL), 0);
+    assert_int_equal(bench_wait(&f->bench, CLOCK_NEVER, estimator_idle, f->estimator, NULL), BENCH_DONE);
+    assert_int_equal(f->code, ERR_FIT);
+    assert_int_equal(clock_now_us(&f->clock), 3 * US_PER_S);
 }
 
 static void death_is_an_answer_and_the_next_question_starts_a_new_child(void **state) {
@@ -125,7 +146,7 @@ static void restarts_are_bounded_until_forgiven(void **state) {
     struct err e = {0};
     for (int i = 0; i <= ESTIMATOR_RESTARTS; i++)
         ask(f, "{\"id\":1,\"do\":\"die\"}");
-    assert_int_equal(estimator_ask(f->estimator, strdup("{}"), answered, f, &e), -ERR_FIT);
+    assert_int_equal(estimator_ask(f->estimator, strdup("{}"), 0, answered, f, &e), -ERR_FIT);
     estimator_forgive(f->estimator);
     ask(f, "{\"id\":4,\"do\":\"\"}");
     assert_int_equal(f->id, 4);
@@ -140,7 +161,7 @@ static void an_absent_program_is_named(void **state) {
     clock_init_virtual(&clock);
     bench_init(&bench, &clock);
     assert_int_equal(estimator_new(&s, &bench, "/nowhere/goniofit", 0, NULL), 0);
-    assert_int_equal(estimator_ask(s, strdup("{}"), answered, NULL, &e), -ERR_FIT);
+    assert_int_equal(estimator_ask(s, strdup("{}"), 0, answered, NULL, &e), -ERR_FIT);
     assert_non_null(strstr(e.text, "/nowhere/goniofit"));
     estimator_free(s);
 }
@@ -148,6 +169,7 @@ static void an_absent_program_is_named(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(a_question_is_answered_and_virtual_time_waits, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(virtual_time_goes_on_to_the_time_of_the_answer, set_up, tear_down),
         cmocka_unit_test_setup_teardown(death_is_an_answer_and_the_next_question_starts_a_new_child, set_up,
                                         tear_down),
         cmocka_unit_test_setup_teardown(silence_ends_the_child, set_up, tear_down),
