@@ -9,7 +9,7 @@
 
 #define PLAUSIBLE_DEG 30.0 /* beyond its limits no axis stands so far off */
 #define STOP_WAY 2         /* the move that is stopped is so many times longer */
-#define STOP_TRIES 3       /* where this machine was too busy to send the order in time */
+#define TRIES 3            /* of a move where this machine was too busy to watch it, or to stop it in time */
 /* Share of the travel time after which the stop is ordered: the way of accelerating for so long and slowing down at the
  * same rate is half of a move that only speeds up and slows down: 1 / (2 sqrt 2). At 1/2 it would be all of it. */
 #define STOP_SHARE 0.35
@@ -155,30 +155,54 @@ static int ask_move(struct commission *c) {
 
 struct watched {
     struct axis *axis;
-    bool moved;
+    int64_t from_us, until_us; /* it is on its way for certain */
+    bool moved, looked;        /* looked: a reading fell into that time */
 };
 
 static bool over_and_watched(void *arg) {
     struct watched *w = arg;
+    struct axis_status s;
+    axis_status(w->axis, &s);
     w->moved |= axis_moves(w->axis);
+    w->looked |= s.read_us > w->from_us && s.read_us < w->until_us;
     return !axis_busy(w->axis);
 }
 
-static int try_move(struct commission *c, const struct cancel *cancel, struct err *e) {
+static int move_and_watch(struct commission *c, struct watched *w, const struct cancel *cancel,
+                          struct err *e) {
     struct axis *a = c->axis;
-    struct watched w = {a, false};
     int64_t before = axis_now_us(a);
     int result = axis_begin_move(a, c->start_udeg + c->way_udeg, e);
     if (result)
         return result;
-    result = bench_wait(c->bench, CLOCK_NEVER, over_and_watched, &w, cancel);
+    *w = (struct watched){
+        .axis = a, .from_us = axis_now_us(a), .until_us = before + axis_travel_us(a->profile, c->way_udeg)};
+    result = bench_wait(c->bench, CLOCK_NEVER, over_and_watched, w, cancel);
     if (result < 0)
         return wait_order(c, cancel, e);
     result = axis_result(a, e);
-    if (result)
-        return result;
-    say(c, "It reads %.3f deg after %.2f s.", deg(a->position_udeg),
-        (double)(axis_now_us(a) - before) / US_PER_S);
+    if (result == 0)
+        say(c, "It reads %.3f deg after %.2f s.", deg(a->position_udeg),
+            (double)(axis_now_us(a) - before) / US_PER_S);
+    return result;
+}
+
+static int try_move(struct commission *c, const struct cancel *cancel, struct err *e) {
+    struct watched w = {0};
+    for (int k = 0; !w.moved && !w.looked; k++) {
+        if (k == TRIES)
+            return err_set(
+                e, ERR_BUSY,
+                "axis %s: no reading fell into one of %d moves, because this machine does other work; "
+                "end that and answer again",
+                c->axis->config.name, TRIES);
+        bool away = llabs((int64_t)c->axis->position_udeg - c->start_udeg) > axis_deadband_udeg(c->axis);
+        int result = away ? move_to(c, c->start_udeg, cancel, e) : 0;
+        if (result == 0)
+            result = move_and_watch(c, &w, cancel, e);
+        if (result)
+            return result;
+    }
     if (!w.moved) {
         say(c, " Its moving bit was never seen: status.moving is wrong, or it did not turn.");
         return end(c, false);
@@ -217,7 +241,7 @@ static int move_and_stop(struct commission *c, int32_t to, bool *late, const str
 static int try_stop(struct commission *c, const struct cancel *cancel, struct err *e) {
     struct axis *a = c->axis;
     int32_t ends[] = {c->start_udeg + (1 + STOP_WAY) * c->way_udeg, a->position_udeg};
-    for (int k = 0; k < STOP_TRIES; k++) { /* there and back over the way that was said to be clear */
+    for (int k = 0; k < TRIES; k++) { /* there and back over the way that was said to be clear */
         int32_t to = ends[k % 2];
         bool late;
         int result = move_and_stop(c, to, &late, cancel, e);
@@ -236,7 +260,7 @@ static int try_stop(struct commission *c, const struct cancel *cancel, struct er
         e, ERR_BUSY,
         "axis %s: the stop order was late in each of %d moves, because this machine does other work; "
         "end that and answer again",
-        a->config.name, STOP_TRIES);
+        a->config.name, TRIES);
 }
 
 /* --- limits of the drive itself ---------------------------------------------------------------------------- */
