@@ -5,8 +5,9 @@
 #include <time.h>
 
 #define DESCRIPTORS_MAX 64
-#define GO_ON 2           /* a turn of the loop that did not end the wait */
-#define STUCK_RUNS 100000 /* runs at one virtual instant: far above any burst of real services */
+#define GO_ON 2                 /* a turn of the loop that did not end the wait */
+#define VIRTUAL_TURNS_A_POLL 16 /* there a poll takes as long as a turn; whoever waits for one gets it */
+#define STUCK_RUNS 100000       /* runs at one virtual instant: far above any burst of real services */
 
 struct wait {
     struct bench *bench;
@@ -132,7 +133,8 @@ static int turn(struct wait *w) {
         return -ERR_CANCELLED;
     if (w->done && w->done(w->arg))
         return BENCH_DONE;
-    poll_descriptors(w, 0);
+    if (!b->clock->is_virtual || b->turns++ % VIRTUAL_TURNS_A_POLL == 0)
+        poll_descriptors(w, 0);
     int64_t when, now = clock_stamp(b->clock);
     struct bench_service *next = next_service(b, &when);
     if (next && when <= now && when <= w->until_us) {

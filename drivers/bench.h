@@ -47,8 +47,9 @@ struct bench {
     struct clock *clock;
     struct bench_service service[BENCH_SERVICES];
     int n_services;
-    bool frozen;  /* virtual time stands still until a descriptor wakes something that thaws it */
-    bool waiting; /* guards against re-entry */
+    bool frozen;    /* virtual time stands still until a descriptor wakes something that thaws it */
+    bool waiting;   /* guards against re-entry */
+    unsigned turns; /* bench's own */
 };
 
 enum bench_result { BENCH_DONE = 0, BENCH_UNTIL = 1 };
