@@ -90,11 +90,11 @@ static void write_machine(FILE *md, const struct bench_results *r) {
             "- cold: from the start, warm: from the optimum without the last point (TinySolver keeps the "
             "sums of its "
             "last pass, the others have no use for them); medians of %d fits each, "
-            "every fit "
-            "timed by itself, geometry and weights ready (%.1f us for 198 points)\n\n",
+            "the quietest of %d rounds over all solvers, every fit timed by itself, geometry and weights "
+            "ready (%.1f us for 198 points)\n\n",
             date, commit, cpu, width[reflectance_batch_width()], load[0], system.release,
             solve_name(SOLVE_QR), r->of_fits.versions[0] ? r->of_fits.versions : "no others were found",
-            r->repeats, r->geometry_us);
+            r->repeats, r->rounds, r->geometry_us);
 }
 
 struct ratio { /* the least favourable one over the published sets */

@@ -15,7 +15,7 @@ struct bench_results {
     struct bench_records of_points; /* of[] is the number of points */
     struct bench_records of_bands;  /* of[] is the number of bands */
     double geometry_us;             /* angles and weights of 198 points, before any fit */
-    int repeats;
+    int repeats, rounds;
 };
 
 /* DIR/fit-report.md, DIR/fit-report/NAME.csv, .gp, .svg, .pdf. Without gnuplot the report says so. */

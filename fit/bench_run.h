@@ -2,7 +2,7 @@
  * bench_run.h — how long the solvers take on one case: ours, and those of other libraries by their own program.
  *
  * Cold is a fit from the case's start, warm one from the optimum without the last point, TinySolver's from what that fit
- * left; both are medians over repeats, each repeat timed by itself, geometry and weights ready. A trace is one more fit,
+ * left; both are medians over repeats, each repeat timed by itself, geometry and weights ready; of several rounds the quietest. A trace is one more fit,
  * watched iteration by iteration.
  * The others' program is called `PROGRAM CASE.csv REPEATS` and prints a record a line:
  *     solver,kernel,cold|warm|trace,t_us,chi2,evaluations,x...
@@ -26,6 +26,7 @@ struct bench_record {
 struct bench_records {
     struct bench_record *item;
     size_t n, capacity;
+    bool again;         /* one more round: what is there already keeps the lower time, and its trace */
     char versions[256]; /* of the others' libraries */
 };
 

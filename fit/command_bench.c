@@ -77,7 +77,7 @@ static int run_others(const struct bench_case *c, const struct options *o, int r
     const char *const program[] = {o->others, NULL}, *const script[] = {"/usr/bin/python3", o->scipy, NULL};
     int status = access(o->others, X_OK) ? 0 : bench_run_others(c, program, repeats, o->dir, records, e);
     struct err missing = {0}; /* scipy may not be installed: its rows are then left out */
-    if (!status && access(o->scipy, R_OK) == 0) {
+    if (!status && !records->again && access(o->scipy, R_OK) == 0) {
         bench_run_others(c, script, o->quick ? 1 : 31, o->dir, records, &missing);
     }
     return status;
@@ -97,6 +97,19 @@ static int time_geometry(const struct bench_case *c, double *t_us, struct err *e
     return status;
 }
 
+static int run_round(struct bench_results *r, const struct options *o, struct err *e) {
+    int status = 0;
+    for (int i = 0; i < r->n_fits && !status; i++) {
+        if (!(status = bench_run_ours(&r->fits[i], r->repeats, &r->of_fits, e))) {
+            status = run_others(&r->fits[i], o, r->repeats, &r->of_fits, e);
+        }
+        if (!status && i < r->n_published) {
+            status = bench_run_joint(&r->fits[i], r->repeats / 10 + 1, &r->of_fits, e);
+        }
+    }
+    return status;
+}
+
 static int run_fits(struct bench_results *r, const struct options *o, struct err *e) {
     static const char *const painted[] = {"garnet_red.brdf", "krylon_blue.brdf"};
     int status = 0;
@@ -112,14 +125,12 @@ static int run_fits(struct bench_results *r, const struct options *o, struct err
         }
     }
     for (int i = 0; i < r->n_fits && !status; i++) {
-        fprintf(stderr, "%s ...\n", r->fits[i].name);
-        if (!(status = bench_case_settle(&r->fits[i], e)) &&
-            !(status = bench_run_ours(&r->fits[i], r->repeats, &r->of_fits, e))) {
-            status = run_others(&r->fits[i], o, r->repeats, &r->of_fits, e);
-        }
-        if (!status && i < r->n_published) {
-            status = bench_run_joint(&r->fits[i], r->repeats / 10 + 1, &r->of_fits, e);
-        }
+        status = bench_case_settle(&r->fits[i], e);
+    }
+    for (int round = 0; round < r->rounds && !status; round++) {
+        fprintf(stderr, "round %d of %d ...\n", round + 1, r->rounds);
+        r->of_fits.again = round > 0;
+        status = run_round(r, o, e);
     }
     return status ? status : time_geometry(&r->fits[0], &r->geometry_us, e);
 }
@@ -172,6 +183,7 @@ int command_bench(int argc, char **argv) {
         return status > 0 ? 0 : command_complain("bench", &e);
     }
     r.repeats = o.quick ? 3 : 301;
+    r.rounds = o.quick ? 1 : 9;
     r.fits = calloc(BENCH_CASES_MAX, sizeof *r.fits);
     status = r.fits ? run_fits(&r, &o, &e) : err_set(&e, ERR_NOMEM, "no memory for the cases");
     if (!status && !(status = run_points(&r, &o, &e)) && !(status = run_bands(&r, &o, &e))) {

@@ -19,7 +19,7 @@ set title "krylon_blue"
 set xlabel "us"
 set ylabel "distance to the optimum / u"
 set key outside below maxcols 2
-plot data index 0 using 3:5 with linespoints pt 7 ps 0.4 title "TinySolver (goniod model)", data index 1 using 3:5 with linespoints pt 7 ps 0.4 title "Solver dense QR (plain model)", data index 2 using 3:5 with linespoints pt 7 ps 0.4 title "Solver normal Cholesky (plain model)", data index 3 using 3:5 with linespoints pt 7 ps 0.4 title "MINPACK lmder (goniod model)", data index 4 using 3:5 with linespoints pt 7 ps 0.4 title "MINPACK lmder (plain model)", data index 5 using 3:5 with linespoints pt 7 ps 0.4 title "GSL multifit (goniod model)", data index 6 using 3:5 with linespoints pt 7 ps 0.4 title "GSL multifit (plain model)"
+plot data index 0 using 3:5 with linespoints pt 7 ps 0.4 title "TinySolver (goniod model)", data index 1 using 3:5 with linespoints pt 7 ps 0.4 title "Solver dense QR (goniod model)", data index 2 using 3:5 with linespoints pt 7 ps 0.4 title "Solver normal Cholesky (goniod model)", data index 3 using 3:5 with linespoints pt 7 ps 0.4 title "MINPACK lmder (goniod model)", data index 4 using 3:5 with linespoints pt 7 ps 0.4 title "MINPACK lmder (plain model)", data index 5 using 3:5 with linespoints pt 7 ps 0.4 title "GSL multifit (goniod model)", data index 6 using 3:5 with linespoints pt 7 ps 0.4 title "GSL multifit (plain model)"
 unset logscale
 unset multiplot
 unset output

@@ -17,7 +17,7 @@ set logscale xy
 set xlabel "points"
 set ylabel "cold fit / us"
 set key top left
-plot data index 0 using 3:4 with linespoints pt 7 ps 0.5 title "TinySolver (goniod model)", data index 1 using 3:4 with linespoints pt 7 ps 0.5 title "Solver dense QR (plain model)", data index 2 using 3:4 with linespoints pt 7 ps 0.5 title "Solver normal Cholesky (plain model)", data index 3 using 3:4 with linespoints pt 7 ps 0.5 title "MINPACK lmder (goniod model)", data index 4 using 3:4 with linespoints pt 7 ps 0.5 title "MINPACK lmder (plain model)", data index 5 using 3:4 with linespoints pt 7 ps 0.5 title "GSL multifit (goniod model)", data index 6 using 3:4 with linespoints pt 7 ps 0.5 title "GSL multifit (plain model)", data index 7 using 3:4 with linespoints pt 7 ps 0.5 title "scipy lm (numpy model)", data index 8 using 3:4 with linespoints pt 7 ps 0.5 title "scipy trf (numpy model)"
+plot data index 0 using 3:4 with linespoints pt 7 ps 0.5 title "TinySolver (goniod model)", data index 1 using 3:4 with linespoints pt 7 ps 0.5 title "Solver dense QR (goniod model)", data index 2 using 3:4 with linespoints pt 7 ps 0.5 title "Solver normal Cholesky (goniod model)", data index 3 using 3:4 with linespoints pt 7 ps 0.5 title "MINPACK lmder (goniod model)", data index 4 using 3:4 with linespoints pt 7 ps 0.5 title "MINPACK lmder (plain model)", data index 5 using 3:4 with linespoints pt 7 ps 0.5 title "GSL multifit (goniod model)", data index 6 using 3:4 with linespoints pt 7 ps 0.5 title "GSL multifit (plain model)", data index 7 using 3:4 with linespoints pt 7 ps 0.5 title "scipy lm (numpy model)", data index 8 using 3:4 with linespoints pt 7 ps 0.5 title "scipy trf (numpy model)"
 unset logscale
 unset multiplot
 unset output
