@@ -365,7 +365,10 @@ static void draw(const struct bench *b) {
 
 static int run_all(struct bench *b, struct err *e) {
     print_head(b);
-    int status = bench_errors_of_all(b, e);
+    int status =
+        bench_times(b, e); /* first: a child begins with its parent's memory, which counts as its own */
+    status = status ? status : bench_parts(b, e);
+    status = status ? status : bench_errors_of_all(b, e);
     status = status ? status : bench_panels_of_all(b, e);
     status = status ? status : bench_fold_report(b->folder, b->size, b->out, b->rows, e);
     if (b->rows) {
@@ -374,8 +377,6 @@ static int run_all(struct bench *b, struct err *e) {
     }
     draw(b);
     status = status ? status : bench_mesh_report(b->folder, b->size, b->out, e);
-    status = status ? status : bench_times(b, e);
-    status = status ? status : bench_parts(b, e);
     bench_grids(b);
     return status;
 }
