@@ -49,7 +49,7 @@ void pulls_log_open(const char *path, const char *bench) {
         return;
     }
     fclose(in);
-    if (strcmp(line, expected))
+    if (strcmp(line, expected) != 0)
         fail_msg("%s begins with \"%s\", not with \"%s\": it is of another bench", path, line, expected);
 }
 
@@ -100,7 +100,7 @@ void pulls_log_read(const char *path, int first, int n, struct pulls *p) {
     memset(at, -1, sizeof at);
     while (read_row(in, &r)) {
         const int place = r.seed - first;
-        if (strcmp(r.parts, PARTS[p->parts]) || place < 0 || place >= n)
+        if (strcmp(r.parts, PARTS[p->parts]) != 0 || place < 0 || place >= n)
             continue;
         if (at[place] < 0)
             at[place] = p->n_seeds++;
