@@ -36,23 +36,28 @@ static void fill_point(struct point *p, const double *value, double theta_i_deg,
     }
 }
 
+static struct exposure exposure_of(int n, bool mirrored) {
+    static uint16_t counts[4] = {100, 200, 300, 200};
+    return (struct exposure){.step = n,
+                             .kind = EXPOSURE_SAMPLE,
+                             .bracket = 1,
+                             .mirrored = mirrored,
+                             .exposure_us = 1000,
+                             .n_scans = 1,
+                             .pixels = 4,
+                             .counts = counts,
+                             .settled_us = n * US_PER_S,
+                             .start_us = n * US_PER_S + 1,
+                             .end_us = n * US_PER_S + 2000,
+                             .temperature_c = NAN};
+}
+
 static void add_points(struct session *s, const double *value) {
-    uint16_t counts[4] = {100, 200, 300, 200};
     struct err e = {0};
     int n = 0;
     for (int i = 10; i <= 60; i += 10) {
         for (int v = -80; v <= 80; v += 10, n++) {
-            struct exposure x = {.step = n,
-                                 .kind = EXPOSURE_SAMPLE,
-                                 .bracket = 1,
-                                 .exposure_us = 1000,
-                                 .n_scans = 1,
-                                 .pixels = 4,
-                                 .counts = counts,
-                                 .settled_us = n * US_PER_S,
-                                 .start_us = n * US_PER_S + 1,
-                                 .end_us = n * US_PER_S + 2000,
-                                 .temperature_c = NAN};
+            struct exposure x = exposure_of(n, false);
             struct point p = {.bracket = 1, .scan_f = NAN};
             assert_int_equal(session_add_exposure(s, &x, &e), 0);
             p.exposure_id = x.id;
@@ -224,21 +229,9 @@ static const struct estimate SEEN = {.model = "heavy-tail",
 static void add_seen_points(struct session *s) {
     const struct reflectance_optics optics = {1, 1, SEEN.polarisation};
     const struct aperture_form form = {SEEN.source_width_deg, SEEN.sensor_width_deg, false};
-    uint16_t counts[4] = {100, 200, 300, 200};
     struct err e = {0};
     for (int n = 0; n < 6 * 17; n++) {
-        struct exposure x = {.step = n,
-                             .kind = EXPOSURE_SAMPLE,
-                             .bracket = 1,
-                             .mirrored = n % 2,
-                             .exposure_us = 1000,
-                             .n_scans = 1,
-                             .pixels = 4,
-                             .counts = counts,
-                             .settled_us = n * US_PER_S,
-                             .start_us = n * US_PER_S + 1,
-                             .end_us = n * US_PER_S + 2000,
-                             .temperature_c = NAN};
+        struct exposure x = exposure_of(n, n % 2);
         struct point p = {.bracket = 1, .scan_f = NAN, .mean_u_ind = 1e-4};
         const double i_deg = 10 * (n / 17 + 1), v_deg = 10 * (n % 17) - 80, side = x.mirrored ? -1 : 1;
         assert_int_equal(session_add_exposure(s, &x, &e), 0);
