@@ -350,6 +350,7 @@ static int fit_joint(struct fitset *data, const struct options *o, struct result
 /* What the command line says goes before what a session says. */
 static void take_given(struct estimate_input *in, const struct options *o) {
     in->loss = o->loss_given ? o->loss : in->loss;
+    in->unweighted = in->unweighted || (o->weights && strcmp(o->weights, "none") == 0); /* the bands, too */
     if (o->paper) {
         in->kappa = M_PI;
         in->q_is_one = true;

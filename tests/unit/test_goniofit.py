@@ -192,6 +192,16 @@ def test_all_bands_together(folder):
     n = len(joint["rows"])
     assert n == 4 + 3 and len(joint["covariance_statistical"]) == n * (n + 1) // 2
     assert joint["rows"][0] == ["sigma"] and ["S", 550] in joint["rows"]
+    other = folder / "other_u.csv"  # without weights no u matters, in the bands either
+    lines = path.read_text().splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    for at, row in enumerate(cells):
+        row[3::2] = [f"{float(u) * (1 + 9 * (at % 2)):.4g}" for u in row[3::2]]
+    other.write_text("\n".join([lines[0]] + [",".join(row) for row in cells]) + "\n")
+    alike = [json.loads(run("fit", p, "--weights", "none", "--json", "--joint")[1]) for p in (path, other)]
+    for nm in bands:
+        s = [fit["joint"]["s_lambda"][(nm - 380) // 5] for fit in alike]
+        assert abs(s[0] / s[1] - 1) < 1e-9, (nm, s)
     code, out, err = run("fit", path, "--beta-prime-per-band")
     assert code == 0 and "joint fit of 3 bands" in out and out.count("beta' ") == 3, out + err
     code, out, err = run("fit", measured(folder), "--joint")
