@@ -28,7 +28,7 @@ static bool is_blank(const struct obj *o, const char *p) {
            (*p == '\\' && p + 1 < o->end && (p[1] == '\n' || p[1] == '\r'));
 }
 
-/* False at the end of the line. A word too long is cut: then it is no number and no keyword. */
+/* False at the end of the line. A word too long is cut, and says so by its last character. */
 static bool next_word(struct obj *o, struct word *word) {
     size_t n = 0;
     while (o->at < o->end && is_blank(o, o->at)) {
@@ -38,6 +38,8 @@ static bool next_word(struct obj *o, struct word *word) {
     while (o->at < o->end && !is_blank(o, o->at)) {
         if (n + 1 < sizeof word->text) {
             word->text[n++] = *o->at;
+        } else {
+            word->text[n - 1] = '~'; /* too long: no number and no name */
         }
         o->at++;
     }

@@ -95,6 +95,8 @@ static bool next_word(struct ply *p, const char *end, char word[WORD_MAX]) {
     for (; p->at < end && !is_blank(*p->at); p->at++) {
         if (n + 1 < WORD_MAX) {
             word[n++] = *p->at;
+        } else {
+            word[n - 1] = '~'; /* too long: no number and no keyword */
         }
     }
     word[n] = '\0';
@@ -165,7 +167,7 @@ static int header_property(struct ply *p, int n, char word[][WORD_MAX]) {
     }
     int status = q.is_list ? find_type(p, word[2], &q.count) : 0;
     status = status ? status : find_type(p, word[n - 2], &q.type);
-    if (!status && q.is_list && (q.count >= FLOAT32 || q.type >= TYPES)) {
+    if (!status && q.is_list && q.count >= FLOAT32) {
         status = complain(p, "a list is counted in whole numbers, not %s", word[2]);
     }
     memcpy(q.name, word[n - 1], WORD_MAX);
@@ -200,6 +202,9 @@ static int check_header(struct ply *p) {
         return complain(p, "the header has no line `format ...`");
     }
     for (int i = 0; i < p->n_elements; i++) {
+        if (element_of(p, p->element[i].name) != &p->element[i]) {
+            return complain(p, "there are two elements %s", p->element[i].name);
+        }
         if (p->element[i].n_properties == 0) {
             return complain(p, "the element %s has no property", p->element[i].name);
         }

@@ -212,6 +212,8 @@ static void every_mistake_of_a_ply_has_its_place(void **state) {
         {HEAD "element vertex\n", "expected `element NAME COUNT`", 3, 0},
         {HEAD "element vertex 99999999999\n", "expected `element NAME COUNT`", 3, 0},
         {HEAD "property float x\n", "after an element", 3, 0},
+        {HEAD VERTEX "element vertex 1\nproperty float q\n" FACE "end_header\n", "two elements vertex", 11,
+         0},
         {HEAD VERTEX "property real w\n", "'real' is no type", 7, 0},
         {HEAD VERTEX "property list float int w\n", "whole numbers, not float", 7, 0},
         {HEAD VERTEX "element face 1\nproperty list uchar float vertex_indices\n", "whole numbers, not float",
