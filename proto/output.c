@@ -22,8 +22,8 @@ int output_check(const char *path, struct err *e) {
     if (is_file(path))
         return refuse_existing(path, e);
     snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - path) + 1 : 1, slash ? path : ".");
-    if (access(folder, W_OK | X_OK) == 0)
-        return 0;
+    if (access(path, F_OK) == 0 ? access(path, W_OK) == 0 : access(folder, W_OK | X_OK) == 0)
+        return 0; /* a device is there already */
     int saved_errno = errno;
     return err_errno(e, ERR_IO, saved_errno, "cannot write %s", path);
 }

@@ -61,6 +61,8 @@ static void a_device_is_written_to_and_never_removed(void **state) {
     (void)state;
     struct err e = {0};
     assert_int_equal(mkfifo(path, 0600), 0);
+    assert_int_equal(output_check(path, &e), 0);
+    assert_int_equal(output_check("/dev/null", &e), 0); /* its folder is not for everyone */
     int reader = open(path, O_RDONLY | O_NONBLOCK);
     FILE *f = output_open(path, &e);
     assert_non_null(f);
