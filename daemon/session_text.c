@@ -47,8 +47,9 @@ static bool is_an_end(const char *state) {
 
 int session_text_state(struct session *s, char *state, size_t size, struct err *e) {
     snprintf(state, size, "unknown");
+    bool written = session_is_written(s); /* before its events: the end is written before the lock goes */
     int rc = session_each_event(s, see_event, &(struct last_state){state, size}, e);
-    if (rc == 0 && !is_an_end(state) && !session_is_written(s))
+    if (rc == 0 && !is_an_end(state) && !written)
         snprintf(state, size, "interrupted");
     return rc;
 }

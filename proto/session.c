@@ -6,6 +6,7 @@
 #include <libgen.h>
 #include <limits.h>
 #include <linux/magic.h>
+#include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +20,8 @@
 #define MAGIC_SMB2 0xFE534D42UL
 #define MAGIC_CEPH 0x00C36400UL
 #define MAGIC_FUSE 0x65735546UL
+
+#define READERS_LOOK 100 /* times: session_is_written holds the lock for an instant */
 
 const char *session_network_filesystem(unsigned long magic) {
     static const struct {
@@ -108,7 +111,12 @@ static int take_lock(struct session *s, struct err *e) {
             return err_errno(e, saved_errno == EACCES ? ERR_PERMISSION : ERR_IO, saved_errno,
                              "cannot lock session %s", s->path);
         }
-        if (flock(s->lock_fd, LOCK_EX | LOCK_NB) < 0)
+        int failed = flock(s->lock_fd, LOCK_EX | LOCK_NB);
+        for (int k = 0; failed && k < READERS_LOOK; k++) {
+            sched_yield();
+            failed = flock(s->lock_fd, LOCK_EX | LOCK_NB);
+        }
+        if (failed)
             return err_set(e, ERR_BUSY, "%s: another goniod is writing this session; wait for it or stop it",
                            s->path);
         if (stat(name, &named) == 0 && fstat(s->lock_fd, &held) == 0 && named.st_ino == held.st_ino)

@@ -210,7 +210,7 @@ int session_verify(const char *path, struct err_list *found, struct err *e) {
         rc = check_schema(s, found, e);
     for (size_t i = 0; rc == 0 && i < sizeof FINDINGS / sizeof FINDINGS[0]; i++)
         rc = look_for(s, &FINDINGS[i], found, e);
-    bool old = begun_without_checksums(s);
+    bool old = rc == 0 && begun_without_checksums(s);
     for (int i = 0; rc == 0 && SESSION_TABLES[i]; i++)
         rc = check_rows(s, SESSION_TABLES[i], old, found, e);
     session_close(s, NULL);
