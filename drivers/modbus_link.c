@@ -38,6 +38,7 @@ struct bus {
     struct clock *clock;
     struct modbus_link_config config;
     char device[96]; /* RTU: the tty; TCP: numeric address */
+    char port[8];    /* TCP */
     bool tcp;
     int lock_fd;          /* RTU: holds the flock, TCP: the name; -1 = none */
     int refused;          /* connects refused in a row: the place in BACKOFF_MS */
@@ -84,11 +85,12 @@ static int lock_tty(struct bus *b, struct err *e) {
     return refuse_second(b, "fuser -v", e);
 }
 
-/* Drives behind TCP obey several masters, and two goniods on this machine would move the axes against each other. A name
+/* Drives behind TCP obey several masters, and two goniods on this machine would move the axes against each other. A name (of the
+ * address, however the config spells it)
  * in the abstract space of unix sockets is held by one process and goes with it. */
 static int lock_name(struct bus *b, struct err *e) {
     struct sockaddr_un name = {.sun_family = AF_UNIX};
-    int n = snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "goniod/%s", b->config.target) + 1;
+    int n = snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "goniod/%s:%s", b->device, b->port) + 1;
     socklen_t size = offsetof(struct sockaddr_un, sun_path) +
                      (socklen_t)(n < (int)sizeof name.sun_path ? n : (int)sizeof name.sun_path - 1);
     b->lock_fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
@@ -298,17 +300,16 @@ static int resolve(struct bus *b, const char *host_port, char port[8], struct er
 
 static int make_context(struct bus *b, struct err *e) {
     const struct modbus_link_config *c = &b->config;
-    char port[8];
     int result = 0;
     if (b->tcp)
-        result = resolve(b, c->target + 4, port, e);
+        result = resolve(b, c->target + 4, b->port, e);
     else
         result = check_serial(c, e);
     if (result)
         return result;
     if (!b->tcp)
         snprintf(b->device, sizeof b->device, "%s", c->target + 4);
-    b->ctx = b->tcp ? modbus_new_tcp_pi(b->device, port)
+    b->ctx = b->tcp ? modbus_new_tcp_pi(b->device, b->port)
                     : modbus_new_rtu(b->device, c->baud, c->parity, c->data_bits, c->stop_bits);
     if (!b->ctx)
         return err_set(e, ERR_NOMEM, "no memory for the link %s", c->target);
