@@ -15,7 +15,6 @@
 static const char *const modes[] = {"fixed", "per_incidence", "every_geometry", "start_end", NULL};
 static const char *const models[] = {"lambert",     "oren-nayar", "eq1", "composite", "heavy-tail",
                                      "transmitted", "two-lobe",   "all", NULL};
-static const char *const losses[] = {"ml", "ols", "log", "cuberoot", "cosine", NULL}; /* enum material_loss */
 
 const char *job_mode_name(enum job_reference_mode mode) {
     return modes[mode];
@@ -259,7 +258,7 @@ static const struct yaml_key fit_keys[] = {
               .doc =
                   "lambert, oren-nayar, eq1, composite, heavy-tail, transmitted or two-lobe; all: composite "
                   "while measuring, at the end all of them, ranked"),
-    YAML_WORD("loss", AT(fit_loss), losses, .default_text = "ml",
+    YAML_WORD("loss", AT(fit_loss), material_losses, .default_text = "ml",
               .doc =
                   "what is minimised: ml (residuals over their u), ols (the paper's Eq. 6), log, cuberoot or "
                   "cosine"),

@@ -98,7 +98,9 @@ struct estimate {
 /* "S", "sigma", ... "tail"; NULL where the model has no such parameter or there is no such model. */
 const char *material_parameter_name(const char *model, int index);
 int material_parameter_find(const char *model, const char *name); /* its index; -1: none, or no name */
-const char *material_loss_name(enum material_loss loss);   /* "ml", "ols", "log", "cuberoot", "cosine" */
+extern const char
+    *const material_losses[MATERIAL_LOSSES + 1]; /* "ml", "ols", "log", "cuberoot", "cosine", NULL */
+const char *material_loss_name(enum material_loss loss);
 enum material_loss material_loss_find(const char *name);   /* MATERIAL_LOSSES: there is none of that name */
 json_t *estimate_to_json(const struct estimate *estimate); /* NULL when out of memory */
 int estimate_from_json(const json_t *json, struct estimate *estimate, struct err *e);

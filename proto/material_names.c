@@ -20,9 +20,10 @@ static const struct {
     {"two-lobe", {"S", "sigma", "gamma", "beta_prime", "n", "gamma_2", "beta_prime_2"}},
 };
 
+const char *const material_losses[MATERIAL_LOSSES + 1] = {"ml", "ols", "log", "cuberoot", "cosine", NULL};
+
 const char *material_loss_name(enum material_loss loss) {
-    static const char *const name[MATERIAL_LOSSES] = {"ml", "ols", "log", "cuberoot", "cosine"};
-    return name[loss];
+    return material_losses[loss];
 }
 
 enum material_loss material_loss_find(const char *name) {
