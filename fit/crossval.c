@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/loss.h"
 #include "fit/sweeps.h"
 
 static int evaluate_at(struct problem *p, const double *x, struct err *e) {
@@ -24,8 +25,8 @@ static int leave_out(struct problem *p, const struct sweeps *s, size_t sweep, co
         return status;
     }
     for (size_t i = 0; i < p->n; i++) {
-        double r = s->sweep[i] == sweep ? (p->input->beta[i] - p->model_beta[i]) * weight[i] : 0;
-        *sum += r * r;
+        double slope, r = (p->target[i] - loss_value(p->loss, p->model_beta[i], &slope)) * weight[i];
+        *sum += s->sweep[i] == sweep ? r * r : 0;
     }
     return 0;
 }
