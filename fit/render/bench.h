@@ -89,6 +89,8 @@ struct bench_grid {
 /* folder: a scratch folder, where the scene's files are written. */
 int bench_write_scene(const char *folder, const struct bench_scene *s, int pixels, int grid, char path[512],
                       struct err *e);
+/* Of the scene's size; to be freed also where it failed. */
+int bench_reference_make(struct bench_reference *r, const struct scene *scene, struct err *e);
 void bench_reference_free(struct bench_reference *r);
 /* Fills all of *out but samples and trace_s. */
 int bench_compare(const struct bench_reference *r, const double *xyz, const double white[3],

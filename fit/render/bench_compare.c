@@ -6,6 +6,15 @@
 
 #define EPSILON 1e-4 /* of the mean squared, in relMSE */
 
+int bench_reference_make(struct bench_reference *r, const struct scene *scene, struct err *e) {
+    size_t n = (size_t)scene->image.width * (size_t)scene->image.height;
+    r->n = (int)n;
+    r->half[0] = malloc(3 * n * sizeof(double));
+    r->half[1] = malloc(3 * n * sizeof(double));
+    r->shown = calloc(n, 1);
+    return r->half[0] && r->half[1] && r->shown ? 0 : err_set(e, ERR_NOMEM, "no memory for a reference");
+}
+
 void bench_reference_free(struct bench_reference *r) {
     free(r->half[0]);
     free(r->half[1]);

@@ -65,12 +65,8 @@ static int make_reference(const struct scene *scene, int grid, struct bench_refe
                           .dark_lights = true,
                           .half = half,
                           .shade_features = SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES};
-    r->n = scene->image.width * scene->image.height;
-    r->half[0] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->half[1] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->shown = calloc((size_t)r->n, 1);
     int status =
-        half && r->half[0] && r->half[1] && r->shown ? 0 : err_set(e, ERR_NOMEM, "no memory for a reference");
+        half ? bench_reference_make(r, scene, e) : err_set(e, ERR_NOMEM, "no memory for a reference");
     status = status ? status : fill_half(&trace, grid, 0, r, e);
     status = status ? status : fill_half(&trace, grid, 1, r, e);
     free(half);

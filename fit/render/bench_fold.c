@@ -59,7 +59,9 @@ static int write_scene(const char *folder, const char *parameters, int pixels, c
     for (int k = 0; k < BANDS; k++) { /* 0.1 to 0.9: strong colours show what a sample of wavelengths costs */
         fprintf(file, "%d,%.6f\n", band_nm(k), 0.5 + 0.4 * tanh((band_nm(k) - 580) / 30.0));
     }
-    fclose(file);
+    if (fclose(file) != 0) {
+        return err_errno(e, ERR_IO, errno, "%s cannot be written", path);
+    }
     snprintf(path, 512, "%s/fold.yaml", folder);
     file = fopen(path, "w");
     if (!file) {
@@ -169,12 +171,9 @@ static void brute_row(void *work, int y) {
 }
 
 static int make_reference(const struct fold *f, int samples, struct bench_reference *r, struct err *e) {
-    r->n = f->scene->image.width * f->scene->image.height;
-    r->half[0] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->half[1] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->shown = malloc((size_t)r->n);
-    if (!r->half[0] || !r->half[1] || !r->shown) {
-        return err_set(e, ERR_NOMEM, "no memory for a reference");
+    int status = bench_reference_make(r, f->scene, e);
+    if (status) {
+        return status;
     }
     memset(r->shown, 1, (size_t)r->n);
     for (int half = 0; half < 2; half++) {
@@ -226,7 +225,7 @@ static void hero_pixel(const struct fold *f, const struct trace *t, int pixel, i
     }
 }
 
-static int render_hero(struct fold *f, int samples, bool direct, double *xyz, double *cpu_s) {
+static void render_hero(struct fold *f, int samples, bool direct, double *xyz, double *cpu_s) {
     double started = stopwatch_cpu_s();
     energy_make(&f->energy, &f->scene->paint[0], ENERGY_SCALE);
     struct trace t = {.scene = f->scene,
@@ -243,7 +242,6 @@ static int render_hero(struct fold *f, int samples, bool direct, double *xyz, do
         hero_pixel(f, &t, i, samples, direct, xyz + 3L * i);
     }
     *cpu_s = stopwatch_cpu_s() - started;
-    return 0;
 }
 
 static int render_full(struct fold *f, int samples, double *xyz, double *cpu_s, struct err *e) {
@@ -266,9 +264,10 @@ static int measure(struct fold *f, const struct bench_reference *r, int samples,
     int status = xyz ? 0 : err_set(e, ERR_NOMEM, "no memory to compare");
     out->samples = samples;
     status = status ? status : colour_white(f->scene->spd[0].power, COLOUR_2DEG, white, e);
-    if (!status) {
-        status = carry == FULL ? render_full(f, samples, xyz, &out->trace_s, e)
-                               : render_hero(f, samples, carry == HERO, xyz, &out->trace_s);
+    if (!status && carry == FULL) {
+        status = render_full(f, samples, xyz, &out->trace_s, e);
+    } else if (!status) {
+        render_hero(f, samples, carry == HERO, xyz, &out->trace_s);
     }
     status = status ? status : bench_compare(r, xyz, white, out, e);
     free(xyz);

@@ -163,12 +163,9 @@ static void brute_row(void *work, int y) {
 static int make_reference(const struct scene *scene, int jitters, struct bench_reference *r, struct err *e) {
     struct brute b = {.scene = scene, .jitters = jitters};
     double power[BANDS];
-    r->n = scene->image.width * scene->image.height;
-    r->half[0] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->half[1] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->shown = malloc((size_t)r->n);
-    if (!r->half[0] || !r->half[1] || !r->shown) {
-        return err_set(e, ERR_NOMEM, "no memory for a reference");
+    int status = bench_reference_make(r, scene, e);
+    if (status) {
+        return status;
     }
     colour_scale_power(scene->spd[0].power, COLOUR_2DEG, power);
     for (int k = 0; k < BANDS * 3; k++) {

@@ -174,12 +174,7 @@ static int judge_half(const struct scene *scene, int half, int grid, struct benc
 }
 
 static int judge_all(const struct scene *scene, int grid, struct bench_reference *r, struct err *e) {
-    r->n = scene->image.width * scene->image.height;
-    r->half[0] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->half[1] = malloc(3 * (size_t)r->n * sizeof(double));
-    r->shown = calloc((size_t)r->n, 1);
-    int status =
-        r->half[0] && r->half[1] && r->shown ? 0 : err_set(e, ERR_NOMEM, "no memory for a reference");
+    int status = bench_reference_make(r, scene, e);
     status = status ? status : judge_half(scene, 0, grid, r, e);
     return status ? status : judge_half(scene, 1, grid, r, e);
 }
@@ -220,7 +215,9 @@ int bench_panel_run(const char *folder, const struct bench_panel *s, const struc
     int status = write_scene(folder, s, size->panel_pixels, path, e);
     struct scene *scene = status ? NULL : scene_read(path, NULL, 0, &errors);
     if (!scene) {
-        return status ? status : err_set(e, ERR_INPUT, "%s", errors.item[0].text);
+        status = status ? status : err_set(e, ERR_INPUT, "%s", errors.item[0].text);
+        err_list_free(&errors);
+        return status;
     }
     *out = (struct bench_panel_errors){.chosen = features_facets(scene, 0, 0).drawn};
     status = judge_all(scene, size->reference_grid, &r, e);

@@ -98,7 +98,8 @@ int bench_ablation(const char *folder, const struct bench_size *size, struct ben
     status = scene && xyz[0] && xyz[1] ? one_way(scene, 0, &out->lean_s, xyz[0], &lean, e) : -ERR_NOMEM;
     out->bound = status ? 0 : features_bound(&lean.features);
     for (int i = 0; i <= FEATURES && !status; i++) {
-        if (i < FEATURES && lean.features.line[i].kept) {
+        bool idle = i == FEATURE_INTERREFLECTION || i == FEATURE_FACETS || i == FEATURE_MESHES;
+        if (idle || (i < FEATURES && lean.features.line[i].kept)) { /* idle: this scene has none of it */
             continue;
         }
         out->left_out[i] = true;
