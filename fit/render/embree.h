@@ -29,7 +29,7 @@ struct embree_ray {
 
 /* Makes sure that the library is loaded; embree_make does it too. */
 int embree_load(struct err *e);
-/* Where fill_vertex(arg, i, v) and fill_triangle(arg, i, corners) tell the i-th. */
+/* vertex(arg, i, v) and triangle(arg, i, corners) tell the i-th. */
 int embree_make(struct embree **mesh, size_t n_vertices, void (*vertex)(void *arg, size_t i, float v[3]),
                 size_t n_triangles, void (*triangle)(void *arg, size_t i, uint32_t corner[3]), void *arg,
                 struct err *e);

@@ -3,7 +3,8 @@
  *
  * Each rule is a predicate over the scene; where it holds, its part is dropped, with a bound on the change of any
  * radiance (in units of the perfect diffuser). --all-features leaves nothing out.
- * Checked    tests/unit/test_render.c: each rule left out against all features, within the printed bound
+ * Checked    tests/unit/test_render.c, test_trace_area.c, test_path.c: rules left out against all features, within the
+ *            printed bound; test_mesh_shape.c: Embree
  */
 #ifndef FIT_RENDER_FEATURES_H
 #define FIT_RENDER_FEATURES_H

@@ -54,11 +54,6 @@ double light_radiance(const struct light *light, struct vec3 from, struct vec3 l
     return met ? sample->radiance : 0;
 }
 
-double light_density(const struct light *light, struct vec3 from, struct vec3 l) {
-    struct light_sample sample;
-    return light_radiance(light, from, l, &sample) > 0 ? sample.density : 0;
-}
-
 double light_size_mm(const struct light *light) {
     switch (light->kind) {
     case LIGHT_RECTANGLE:

@@ -12,7 +12,7 @@
  * Geometry   a rectangle shines to the side of look_at_mm only, a sphere outward. Lights are not seen by the camera and
  *            cast no shadow. density is per solid angle of l, which points from the place to the light.
  * Errors     light_prepare: -ERR_INPUT, -ERR_IO, -ERR_NOMEM. The file of an environment of weight 0 is not opened.
- * Promises   light_sample: any thread, no allocation; false where no light arrives. Its density is light_density.
+ * Promises   light_sample: any thread, no allocation; false where no light arrives. Its density is that of light_radiance.
  * Checked    tests/unit/test_scene.c, test_light.c
  */
 #ifndef FIT_RENDER_LIGHT_H
@@ -80,7 +80,6 @@ bool light_sample(const struct light *light, struct vec3 from, const double u[2]
 /* What a ray from there along l meets of the light: radiance 0 where it misses; else all of *sample but l. */
 double light_radiance(const struct light *light, struct vec3 from, struct vec3 l,
                       struct light_sample *sample);
-double light_density(const struct light *light, struct vec3 from, struct vec3 l);
 /* Its longest side or diameter; INFINITY: an environment. */
 double light_size_mm(const struct light *light);
 

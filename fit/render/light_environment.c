@@ -106,11 +106,6 @@ static double sum_up(struct light_environment *m) {
     return m->row_part[m->rows];
 }
 
-static bool ends_with(const char *name, const char *end) {
-    size_t n = strlen(name), k = strlen(end);
-    return n > k && strcmp(name + n - k, end) == 0;
-}
-
 int light_environment_prepare(struct light *light, const char *folder, struct err *e) {
     struct light_environment *m = &light->environment;
     char path[PLACE_MAX];
@@ -119,8 +114,8 @@ int light_environment_prepare(struct light *light, const char *folder, struct er
         return 0;
     }
     place_of(path, folder, m->image);
-    bool exr = ends_with(m->image, ".exr");
-    if (!exr && !ends_with(m->image, ".png")) {
+    bool exr = place_ends(m->image, ".exr");
+    if (!exr && !place_ends(m->image, ".png")) {
         return err_set(e, ERR_INPUT, "'%s' is no environment: an EXR or a PNG, by its ending .exr or .png",
                        m->image);
     }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit/render/place.h"
 #include "proto/file.h"
 
 #define FLAT 1e-14    /* area over the square of the longest edge, below which doubles know no direction */
@@ -226,17 +227,12 @@ void mesh_free(struct mesh *mesh) {
     *mesh = (struct mesh){0};
 }
 
-static bool ends_in(const char *path, const char *ending) {
-    size_t n = strlen(path), m = strlen(ending);
-    return n > m && strcasecmp(path + n - m, ending) == 0;
-}
-
 int mesh_read(const char *path, struct mesh *mesh, struct err_list *errors) {
-    bool obj = ends_in(path, ".obj");
+    bool obj = place_ends(path, ".obj");
     char *bytes = NULL;
     size_t size = 0;
     struct err e = {0};
-    if (!obj && !ends_in(path, ".ply")) {
+    if (!obj && !place_ends(path, ".ply")) {
         return mesh_complain(errors, path, 0, 0, "meshes are read from .obj and .ply files");
     }
     int status = file_read(path, MESH_BYTES_MAX, &bytes, &size, &e);

@@ -120,7 +120,8 @@ static const struct yaml_key image_keys[] = {
         "beyond the first bounce a paint that returns more light than it receives is scaled down to what it "
         "receives; report: only told"),
     COUNT("samples", samples, 1, 1 << 20, "64",
-          "of a light with extent, drawn at random in each pixel; made up to 4, 8, 12, ... for each of the "
+          "of a light with extent and of paths of several bounces, drawn at random in each pixel; made up to "
+          "4, 8, 12, ... for each of the "
           "grid's"),
     CHOICE("observer", observer, scene_observers, "1931-2deg", "whose colour matching functions"),
     CHOICE("space", space, scene_spaces, "srgb", "the RGB space of the picture"),

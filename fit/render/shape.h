@@ -7,9 +7,10 @@
  *
  * Units      millimetres and degrees.
  * Errors     shape_prepare: -ERR_IO, -ERR_INPUT a file that cannot be used; -ERR_NOMEM.
- * Promises   shape_hit: no allocation, any thread; a ray inside a surface does not meet it.
+ * Promises   shape_hit: no allocation, any thread; a ray inside a closed cylinder or a sphere does not meet it; a mesh is met from
+ *            behind, too.
  * Checked    tests/unit/test_render.c: sphere and cylinder against their cosines; test_relief.c: rectangle, mask, board;
- *            test_fold.c
+ *            test_fold.c, test_mesh_shape.c
  */
 #ifndef FIT_RENDER_SHAPE_H
 #define FIT_RENDER_SHAPE_H

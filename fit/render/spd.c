@@ -56,11 +56,6 @@ static int from_file(struct spd *spd, const char *name, const char *folder, stru
                : 0;
 }
 
-static bool ends_with(const char *text, const char *end) {
-    size_t n = strlen(text), m = strlen(end);
-    return n >= m && strcmp(text + n - m, end) == 0;
-}
-
 int spd_find(struct spd *spd, const char *name, const char *folder, struct err_list *errors, struct err *e) {
     double cct_k;
     char number[32];
@@ -73,10 +68,10 @@ int spd_find(struct spd *spd, const char *name, const char *folder, struct err_l
         }
     }
     snprintf(number, sizeof number, "%.*s", (int)strcspn(name, " K"), name);
-    if (ends_with(name, "K") && number_read_double(number, &cct_k)) {
+    if (place_ends(name, "K") && number_read_double(number, &cct_k)) {
         return spd_daylight(spd, cct_k, e);
     }
-    if (ends_with(name, ".csv")) {
+    if (place_ends(name, ".csv")) {
         return from_file(spd, name, folder, errors, e);
     }
     return err_set(e, ERR_INPUT,

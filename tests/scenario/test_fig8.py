@@ -50,6 +50,15 @@ def trends(folder, sessions):
     return done.returncode, done.stdout + done.stderr
 
 
+def difference(folder, sessions):
+    """Exit status and words of `goniorender diff` between the first and the last of these sessions."""
+    scene = Path(folder, "water.yaml")
+    scene.write_text((SCENES / "water.yaml").read_text())
+    done = subprocess.run([BUILD / "goniorender", "diff", scene, f"--session=paint={sessions[0]}",
+                           f"--other-session=paint={sessions[-1]}", "-o", Path(folder, "d.png")], capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
 def check(n, ok, name, why=""):
     print(f"{'ok' if ok else 'not ok'} {n} - {name}", flush=True)
     if not ok:
@@ -58,7 +67,7 @@ def check(n, ok, name, why=""):
 
 
 def main():
-    print("1..2")
+    print("1..3")
     with tempfile.TemporaryDirectory() as folder:
         sessions = measure(folder)
         code, words = trends(folder, sessions)
@@ -66,6 +75,9 @@ def main():
         code, words = trends(folder, sessions[::-1])
         fine = check(2, code == 1 and "NOT fall" in words and "NOT weaken" in words,
                      "of waters in the wrong order the program says so", words) and fine
+        code, words = difference(folder, sessions)
+        print("\n".join("# " + line for line in words.splitlines()))
+        fine = check(3, code == 0 and re.search(r"mean [1-9]", words), "the paint dry and wet look different", words) and fine
     return not fine
 
 

@@ -76,7 +76,7 @@ def test_the_manual_can_be_typed(folder):
     scene = small(folder, "cylinder.yaml").rename(folder / "SCENE.yaml")
     assert run("render", scene, "-o", folder / "r.png", "--planes", folder / "planes.exr")[0] == 0
     lines = re.findall(r"^goniorender (.*?)(?: +#.*)?$", Path("docs/goniorender.md").read_text(), re.M)
-    typed = [line for line in lines if ".gonio" not in line]  # sessions: test_render_spread.c
+    typed = [line for line in lines if ".gonio" not in line]  # sessions: tests/scenario/test_fig8.py
     assert len(typed) >= 6, lines
     for line in typed:
         words = line.split() + (["--quick"] if line.startswith("bench") else [])

@@ -107,7 +107,6 @@ static void what_is_drawn_is_met(void **state) {
             assert_true(fabs(met.density / drawn.density - 1) < 1e-9);
             assert_true(isinf(drawn.distance_mm) ||
                         fabs(met.distance_mm - drawn.distance_mm) < 1e-6 * drawn.distance_mm);
-            assert_true(light_density(&light, places[i % 3], drawn.l) == met.density);
         }
         assert_true(borders < 5);
         light_free(&light);
@@ -137,6 +136,11 @@ static void densities_integrate_to_one(void **state) {
     }
 }
 
+static double density_of(const struct light *light, struct vec3 from, struct vec3 l) {
+    struct light_sample sample;
+    return light_radiance(light, from, l, &sample) > 0 ? sample.density : 0;
+}
+
 /* Directions drawn fall where the density says: sums over eight octants and by the cosine to an axis. */
 static void draws_follow_the_density(void **state) {
     (void)state;
@@ -158,7 +162,7 @@ static void draws_follow_the_density(void **state) {
                 double z = 1 - (2 * i + 1.0) / M, azimuth = (k + 0.5) * M_PI / M, r = sqrt(1 - z * z);
                 struct vec3 l = {r * cos(azimuth), r * sin(azimuth), z};
                 expected = vec3_add(
-                    expected, vec3_scale(l, light_density(&light, places[2], l) * 4 * M_PI / (2.0 * M * M)));
+                    expected, vec3_scale(l, density_of(&light, places[2], l) * 4 * M_PI / (2.0 * M * M)));
             }
         if (kind != 2 && !(vec3_length(vec3_sub(drawn, expected)) < 6e-3))
             fail_msg("light %d: %g %g %g, expected %g %g %g", kind, drawn.x, drawn.y, drawn.z, expected.x,
