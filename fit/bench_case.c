@@ -31,7 +31,7 @@ static double albedo(double s, int band, int bands) {
 
 static int add_point(struct bench_case *c, const double *value, double theta_i_deg, double theta_v_deg,
                      int bands, struct dice *d, struct err *e) {
-    double beta, bands_beta[BANDS], bands_u[BANDS];
+    double beta = 0, bands_beta[BANDS], bands_u[BANDS];
     int status = model_at(value, theta_i_deg, theta_v_deg, &beta, e);
     for (int b = 0; b < BANDS && !status; b++) {
         double own[MATERIAL_PARAMETERS], clean;
@@ -134,7 +134,7 @@ int bench_case_read(struct bench_case *c, const char *path, struct err *e) {
 }
 
 int bench_case_settle(struct bench_case *c, struct err *e) {
-    struct solve_result r;
+    struct solve_result r = {0};
     c->p.n--;
     int status = solve_run(&c->p, c->start, NULL, &r, NULL, e);
     c->p.n++;

@@ -6,6 +6,7 @@
  * is the truth with every parameter 15 % off, up and down in turn, and n - 1 by 7.5 %. Measured surfaces start where the
  * estimation does (fit/start.h).
  * Errors     -ERR_NOMEM, -ERR_INPUT, -ERR_IO.
+ * Checked    tests/unit/test_bench_fit.py, at small size
  */
 #ifndef FIT_BENCH_CASE_H
 #define FIT_BENCH_CASE_H

@@ -80,21 +80,23 @@ static void write_machine(FILE *md, const struct bench_results *r) {
     getloadavg(load, 3);
     const char *const day[] = {"date", "-u", "+%Y-%m-%dT%H:%MZ", NULL};
     first_line(day, date, sizeof date);
-    fprintf(md,
-            "# Error against run time\n\n"
-            "Written by `goniofit bench`; every figure below is of this one run, one thread.\n\n"
-            "- date: %s, goniod " GONIOD_VERSION ", commit %s\n"
-            "- CPU: %s; kernel as wide as %s; load average at the end %.2f\n"
-            "- compiler: gcc " __VERSION__ ", -O2; Linux %s\n"
-            "- libraries: %s; %s\n"
-            "- cold: from the start, warm: from the optimum without the last point (TinySolver keeps the "
-            "sums of its "
-            "last pass, the others have no use for them); medians of %d fits each, "
-            "the quietest of %d rounds over all solvers, every fit timed by itself, geometry and weights "
-            "ready (%.1f us for 198 points)\n\n",
-            date, commit, cpu, width[reflectance_batch_width()], load[0], system.release,
-            solve_name(SOLVE_QR), r->of_fits.versions[0] ? r->of_fits.versions : "no others were found",
-            r->repeats, r->rounds, r->geometry_us);
+    fprintf(
+        md,
+        "# Error against run time\n\n"
+        "Written by `goniofit bench`; every figure below is of this one run, one thread.\n\n"
+        "- date: %s, goniod " GONIOD_VERSION ", commit %s\n"
+        "- CPU: %s; kernel as wide as %s; load average at the end %.2f\n"
+        "- compiler: gcc " __VERSION__ ", -O2, kernels -O3; Linux %s\n"
+        "- libraries: %s; %s\n"
+        "- cold: from the start, warm: from the optimum without the last point (TinySolver keeps the "
+        "sums of its "
+        "last pass, the others have no use for them); medians of %d fits each, "
+        "the quietest of %d rounds over all solvers (joint fit: medians of 31; scipy, and the cost against "
+        "points and bands: one round), every fit timed by itself, geometry and weights ready (%.1f us for "
+        "198 points)\n\n",
+        date, commit, cpu, width[reflectance_batch_width()], load[0], system.release, solve_name(SOLVE_QR),
+        r->of_fits.versions[0] ? r->of_fits.versions : "no others were found", r->repeats, r->rounds,
+        r->geometry_us);
 }
 
 struct ratio { /* the least favourable one over the published sets */
@@ -315,7 +317,7 @@ static void write_body(FILE *md, const struct bench_results *r, const struct err
           "(tests/bench/fit_peers.c); numpy, array by array. All fit the same "
           "coordinates, from the same start, with the same weights. Measured surfaces start where an "
           "estimation does and "
-          "have no truth; there the model misses by 10 %. \"other cost\": the fit ended elsewhere, by more "
+          "have no truth. \"other cost\": the fit ended elsewhere, by more "
           "than 1e-8 of "
           "chi-square.\n",
           md);
@@ -324,7 +326,7 @@ static void write_body(FILE *md, const struct bench_results *r, const struct err
         fprintf(md, "![%s](fit-report/convergence_%d.svg)\n\n", r->fits[i].name, i);
     }
     fputs("Left: distance to the optimum, sqrt(chi-square - its minimum), which is in units of u; its floor, "
-          "1e-8, is the "
+          "1e-8 of the root of chi-square, is the "
           "rounding of the cost. Right: largest relative error of a parameter against the truth; noise keeps "
           "it up.\n"
           "\n## Cost against points\n\n![points](fit-report/points.svg)\n",

@@ -1,5 +1,6 @@
 /*
  * bench_report.h — what goniofit bench found: fit-report.md, and beside it the CSV and log-log plots it was drawn from.
+ * Checked    tests/unit/test_bench_fit.py, at small size
  */
 #ifndef FIT_BENCH_REPORT_H
 #define FIT_BENCH_REPORT_H

@@ -203,7 +203,7 @@ int bench_run_others(const struct bench_case *c, const char *const *command, int
     char path[400], count[16], line[512];
     const char *argv[8] = {0};
     size_t n = 0;
-    snprintf(path, sizeof path, "%s/case.csv", dir);
+    snprintf(path, sizeof path, "%s/.goniofit-bench-case.csv", dir);
     snprintf(count, sizeof count, "%d", repeats);
     int status = write_case(c, path, e);
     for (; command[n] && n < 4; n++) {

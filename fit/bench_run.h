@@ -8,6 +8,7 @@
  *     solver,kernel,cold|warm|trace,t_us,chi2,evaluations,x...
  * kernel: "goniod" the model of fit/reflectance_batch.h, "plain" a scalar one written for the comparison.
  * Errors     -ERR_NOMEM; -ERR_IO, -ERR_INPUT of the others' program.
+ * Checked    tests/unit/test_bench_fit.py, at small size
  */
 #ifndef FIT_BENCH_RUN_H
 #define FIT_BENCH_RUN_H

@@ -1,5 +1,6 @@
 #include "fit/commands.h"
 
+#include <errno.h>
 #include <getopt.h>
 #include <math.h>
 #include <stdio.h>
@@ -181,6 +182,10 @@ int command_bench(int argc, char **argv) {
     int status = read_options(argc, argv, &o, &e);
     if (status) {
         return status > 0 ? 0 : command_complain("bench", &e);
+    }
+    if (access(o.dir, W_OK) != 0) {
+        err_errno(&e, ERR_IO, errno, "cannot write in %s", o.dir);
+        return command_complain("bench", &e);
     }
     r.repeats = o.quick ? 3 : 301;
     r.rounds = o.quick ? 1 : 9;

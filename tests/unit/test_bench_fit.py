@@ -17,11 +17,29 @@ def check(number, name, good, note=""):
     return good
 
 
+def bench(folder, others):
+    words = ["bench", "--quick", "-o", folder, "--others", others, "--scipy", "/nowhere", "--data", "/nowhere"]
+    return subprocess.run([BUILD / "goniofit", *words], cwd=ROOT, capture_output=True, text=True, timeout=300)
+
+
+def others(folder):
+    """Another solver's program: its record stands in the report; what is no record is refused."""
+    program = Path(folder) / "others"
+    program.write_text("#!/bin/sh\necho 'MINPACK lmder,plain,cold,123.25,1.0,1'\n")
+    program.chmod(0o700)
+    run = bench(folder, program)
+    row = [line for line in (Path(folder) / "fit-report.md").read_text().splitlines() if "MINPACK lmder | plain" in line]
+    if run.returncode or not row or "123.2" not in row[0]:
+        return False, run.stderr + str(row)
+    program.write_text("#!/bin/sh\necho nonsense\n")
+    run = bench(folder, program)
+    return run.returncode != 0 and "which is no record" in run.stderr, run.stderr
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder:
-        run = subprocess.run([BUILD / "goniofit", "bench", "--quick", "-o", folder, "--others", "/nowhere", "--scipy",
-                              "/nowhere", "--data", "/nowhere"], cwd=ROOT, capture_output=True, text=True, timeout=300)
-        print("1..5")
+        run = bench(folder, "/nowhere")
+        print("1..6")
         good = check(1, "bench_ends_well", run.returncode == 0, run.stderr)
         report = Path(folder) / "fit-report.md"
         text = report.read_text() if report.exists() else ""
@@ -40,6 +58,7 @@ def main():
         # Each ends at the optimum: its last distance is under 1e-3 u.
         last = {r[0]: float(r[4]) for r in rows[1:]}
         good &= check(5, "every_solver_ends_at_the_optimum", last and max(last.values()) < 1e-3, last)
+        good &= check(6, "others_are_read_as_they_print", *others(folder))
         return 0 if good else 1
 
 
