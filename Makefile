@@ -27,13 +27,13 @@ FOLDERS := proto drivers fit fit/render sim daemon
 C_LIBS := libmodbus libusb-1.0 libusbredirparser-0.5 sqlite3 libuv jansson libfyaml
 
 # -ffp-contract=off: a result must not depend on whether the compiler fuses a multiply with an add.
-COMMON := -O2 -g -Wall -Wextra -Werror -ffp-contract=off -MMD -MP -I. -D_GNU_SOURCE \
-          -DGONIOD_VERSION='"$(VERSION)"' -DPROFILE_DIR='"$(PREFIX)/share/goniod/profiles"' $(SANITIZE)
+COMMON_FLAGS := -O2 -g -Wall -Wextra -Werror -ffp-contract=off -MMD -MP -I. -D_GNU_SOURCE \
+                -DGONIOD_VERSION='"$(VERSION)"' -DPROFILE_DIR='"$(PREFIX)/share/goniod/profiles"' $(SANITIZE)
 # Asked once, and only when something is compiled: `make deps` runs where there is no pkg-config yet.
 PKG_CFLAGS = $(eval PKG_CFLAGS := $(shell pkg-config --cflags $(C_LIBS)))$(PKG_CFLAGS)
 PKG_LIBS = $(eval PKG_LIBS := $(shell pkg-config --libs $(C_LIBS)))$(PKG_LIBS)
-CFLAGS_ALL = -std=gnu17 $(COMMON) $(PKG_CFLAGS) $(CFLAGS)
-CXXFLAGS_ALL = -std=c++17 $(COMMON) -isystem /usr/include/eigen3 $(CXXFLAGS)
+CFLAGS_ALL = -std=gnu17 $(COMMON_FLAGS) $(PKG_CFLAGS) $(CFLAGS)
+CXXFLAGS_ALL = -std=c++17 $(COMMON_FLAGS) -isystem /usr/include/eigen3 $(CXXFLAGS)
 LINK_LIBS = -Wl,--as-needed $(PKG_LIBS) -lm -pthread
 CERES_LIBS = -lceres -lglog
 RENDER_LIBS = -lpng -ltiff -llcms2 -lOpenEXRCore
@@ -96,7 +96,7 @@ PRELOADS := $(patsubst %.c,$(BUILD)/%.so,$(wildcard tests/preload/*.c))
 $(BUILD)/tests/preload/%.so: tests/preload/%.c
 	@mkdir -p $(@D)
 	@echo "  SO  $@"
-	@$(CC) -std=gnu17 $(COMMON) $(CFLAGS) -shared -fPIC -o $@ $< -ldl
+	@$(CC) -std=gnu17 $(COMMON_FLAGS) $(CFLAGS) -shared -fPIC -o $@ $< -ldl
 
 # Shows goniod a USB device that is not there; its test skips where umockdev is missing, and under a sanitizer, whose
 # run-time library would have to be loaded before umockdev's.

@@ -10,7 +10,7 @@ trap 'rm -f "$rows"' EXIT
 for bench in "$BUILD"/tests/bench/bench_*; do
     case $bench in *.o | *.d) continue ;; esac
     echo "$(basename "$bench") ..." >&2
-    "$bench" | tee -a "$rows" >&2
+    { "$bench" || echo "| $(basename "$bench") | | FAILED, status $? | missed |"; } | tee -a "$rows" >&2
 done
 load=$(cut -d' ' -f1-3 /proc/loadavg)
 {
