@@ -1,5 +1,6 @@
 /* One set of scans: exposure time, dark, lamp, scans, and shorter again while it saturates. Exposure times come from
- * a ladder of quarter octaves, so that few darks are needed. What one set of a surface showed chooses the time of the next. */
+ * a ladder of quarter octaves, so that few darks are needed. What one set of a surface showed chooses the time of the
+ * next. */
 #include "daemon/campaign_private.h"
 
 #include <math.h>

@@ -156,7 +156,8 @@ static int order_resume(const json_t *params, struct desk_order *order, struct e
         return err_set(e, ERR_USAGE, "a session is resumed by its name, not by a path: %s",
                        json_string_value(session));
     int rc = copy_name(order->session.name, sizeof order->session.name, session, "name of the session", e);
-    drop_ending(order->session.name); /* `gonioctl sessions` prints the file's name */
+    if (rc == 0)
+        drop_ending(order->session.name); /* `gonioctl sessions` prints the file's name */
     return rc;
 }
 

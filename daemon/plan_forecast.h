@@ -3,8 +3,8 @@
  *
  * For the points of the job's first sample: standard uncertainty of each parameter, and which ones those angles will not
  * identify. Noise is the counting noise of the visible mean at the job's exposures; no light has been seen yet, so the lamp is
- * taken to give half its peak over the mean's range, and a grating to spread 650 nm over the pixels. Axes, zeros, polarisation, filling and
- * certificate are those of config and job. u is relative to the parameter.
+ * taken to give half its peak over the mean's range, and a grating to spread 650 nm over the pixels. Axes, zeros,
+ * polarisation, filling and certificate are those of config and job. u is relative to the parameter.
  * JSON       {"sample", "points", "noise_relative", "certificate_relative", "sets": [{"name", "description", "parameters",
  *            "std", "std_statistical", "std_common", "not_identifiable": [{"parameter", "why", "measure_next": {"theta_i_deg",
  *            "theta_v_deg"}}]}]}; an infinite number is null

@@ -3,8 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "proto/figure.h"
 #include "daemon/plot.h"
+#include "proto/figure.h"
 
 #define INCIDENCE_DEG 40 /* of peak height and retro/normal ratio; the paper's Fig. 4 */
 #define SUPPORTS 5

@@ -56,7 +56,7 @@ static int read_jobs(const struct verb_args *args, json_t **all) {
         if (params)
             json_array_append_new(*all, params);
         else
-            err_set(&e, ERR_INPUT, "%s was not sent; nothing was started", args->operand[i]);
+            err_set(&e, ERR_INPUT, "nothing was sent and nothing was started");
     }
     int status = e.code ? verb_fail(&e, &errors) : 0;
     err_list_free(&errors);
@@ -187,12 +187,9 @@ static int wait_for_all(const struct verb_args *args, json_t *queued) {
 /* Several jobs are one order: each is checked before the first is queued. */
 static int check_all(const struct verb_args *args, const json_t *jobs) {
     int status = 0;
-    size_t i;
-    json_t *params;
-    for (i = 0; json_array_size(jobs) > 1 && status == 0 && i < json_array_size(jobs); i++) {
+    for (size_t i = 0; json_array_size(jobs) > 1 && status == 0 && i < json_array_size(jobs); i++) {
         json_t *plan = NULL;
-        params = json_array_get(jobs, i);
-        status = ask(args, "check", json_incref(params), &plan);
+        status = ask(args, "check", json_incref(json_array_get(jobs, i)), &plan);
         json_decref(plan);
     }
     return status;

@@ -1,5 +1,6 @@
 /*
  * writer_private.h — what waits to be written, shared by writer.c (threads and tickets) and writer_row.c (rows of a session).
+ * Checked    tests/unit/test_writer.c
  */
 #ifndef DAEMON_WRITER_PRIVATE_H
 #define DAEMON_WRITER_PRIVATE_H

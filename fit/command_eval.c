@@ -26,7 +26,8 @@ static const char help[] =
     "angular\n"
     "                   widths of source and sensor, with their polarisation, at readbacks whose zeros are "
     "off as\n"
-    "                   the fit found; P.json is then the output of goniofit fit --json\n"
+    "                   the fit found (unmirrored, the area seen as it was); P.json is then the output of\n"
+    "                   goniofit fit --json\n"
     "exit status: 0 done, 2 bad usage or bad input\n";
 
 struct options {

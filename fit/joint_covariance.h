@@ -10,7 +10,7 @@
  *
  * Cost       linear in points and causes; quadratic in the bands, for their covariances.
  * Errors     -ERR_FIT the shared parameters cannot be told apart; -ERR_RANGE; -ERR_NOMEM.
- * Checked    tests/unit/test_joint.c: pulls over seeds; against the dense H V H^T
+ * Checked    tests/unit/test_joint.c: pulls over seeds
  */
 #ifndef FIT_JOINT_COVARIANCE_H
 #define FIT_JOINT_COVARIANCE_H

@@ -29,7 +29,6 @@ struct joint_form {
     double *schur, *inverse, *shared, *own, *block, *g;
 };
 
-/* Overwrites model_beta and gradient of the problem. */
 int joint_form_init(struct joint_form *f, const struct joint_data *d, const struct joint_solution *solution,
                     bool beta_prime_per_band, const double *model, struct err *e);
 void joint_form_free(struct joint_form *f);

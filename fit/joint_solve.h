@@ -4,7 +4,8 @@
  * Minimises the weighted squares of all band values over the shared coordinates, S of each band (and t, its factor on the
  * specular part, where beta' is free per band) eliminated exactly for each set of shared coordinates. The outer steps are
  * those of Ceres' TinySolver, on the projected problem in k + 1 residuals that have the same cost, gradient and normal matrix
- * (Kaufman's: the Schur complement of the arrow); Ceres' Solver goes on where a step meets a bound. The work of one
+ * (Kaufman's: the Schur complement of the arrow); where a step meets a bound the coordinate is held there and let go
+ * again; Ceres' Solver goes on where this does not settle. The work of one
  * evaluation is bands * points * (products of two of the shape's functions); nothing else grows with the bands.
  *
  * Shapes     s[], t[] by the rows of joint_data; model[n_bands * n], or NULL.

@@ -18,7 +18,7 @@ static struct leverage leverage_of(const struct estimate_input *in) {
     return (struct leverage){share, share / 2 - 1};
 }
 
-double nuisance_u_offset_deg(const struct estimate_input *in) {
+static double nuisance_u_offset_deg(const struct estimate_input *in) {
     return hypot(in->u_zero_source_deg / 2, in->u_zero_sample_deg);
 }
 

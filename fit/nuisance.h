@@ -80,7 +80,6 @@ int nuisance_causes(const struct problem *p, const double *none,
 /* What both zeros most likely are where the mirror direction is off by that much. */
 void nuisance_zeros(const struct estimate_input *input, double offset_deg, double *source_deg,
                     double *sample_deg);
-double nuisance_u_offset_deg(const struct estimate_input *input); /* of the prior */
 
 #ifdef __cplusplus
 }

@@ -1,5 +1,6 @@
 /*
  * reflectance_wide.h — the inner loops behind fit/reflectance_batch.h, and what they need of the parameters.
+ * Checked    tests/unit/test_reflectance_batch.c
  */
 #ifndef FIT_REFLECTANCE_WIDE_H
 #define FIT_REFLECTANCE_WIDE_H

@@ -4,6 +4,7 @@
  * x = sigma^2 / (sigma^2 + a) with its derivative by sigma, for a = 0.33 (C1), 0.09 (C2, C3), 0.13 (interreflection).
  * Domain     sigma > 0; its square may be 0 or infinite.
  * Source     reflection-model.md 1.2, 1.6.
+ * Checked    tests/unit/test_reflectance.c
  */
 #ifndef FIT_ROUGHNESS_H
 #define FIT_ROUGHNESS_H

@@ -3,6 +3,7 @@
  *
  * One of the two engines of fit/solve.h, which checks what goes in. result->x is start and end.
  * Errors     -ERR_FIT the solver failed, in its own words. May throw std::bad_alloc.
+ * Checked    tests/unit/test_solve.c
  */
 #ifndef FIT_SOLVE_BOUNDED_H
 #define FIT_SOLVE_BOUNDED_H

@@ -7,6 +7,7 @@
  * A pass that is known already, result->last at result->x over all points, is not done again.
  * Promises   no allocation. result->x is start and end, inside the bounds; result->last its last pass.
  * Returns    NULL settled; else why another solver should go on from result->x, in words.
+ * Checked    tests/unit/test_solve.c
  */
 #ifndef FIT_SOLVE_TINY_H
 #define FIT_SOLVE_TINY_H

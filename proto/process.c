@@ -24,12 +24,10 @@ int process_run(const char *const *argv, int out_fd, struct err *e) {
     posix_spawn_file_actions_adddup2(&actions, out_fd, STDOUT_FILENO);
     int failed = posix_spawnp(&pid, argv[0], &actions, NULL, (char *const *)argv, environ);
     posix_spawn_file_actions_destroy(&actions);
-    if (failed) {
+    if (failed)
         return err_errno(e, ERR_IO, failed, "cannot run %s", argv[0]);
-    }
-    if (wait_for(pid, &state) != pid || !WIFEXITED(state) || WEXITSTATUS(state) != 0) {
+    if (wait_for(pid, &state) != pid || !WIFEXITED(state) || WEXITSTATUS(state) != 0)
         return err_set(e, ERR_IO, "%s did not end well", argv[0]);
-    }
     return 0;
 }
 

@@ -4,7 +4,7 @@
  * A key is built by folding words into it; draw_normal(key) is a standard normal deviate, a pure function of
  * the key. draw_normals fills n of them from one key for a row of pixels (Box-Muller on a counter), about
  * 20 ns each. Words may be names (draw_word) or integers. No state, no allocation, any thread.
- * Checked    tests/unit/test_sim_light.c, tests/unit/test_sim_noise.c
+ * Checked    tests/unit/test_sim_light.c; through the detector: tests/unit/test_sim_noise.c
  */
 #ifndef SIM_DRAW_H
 #define SIM_DRAW_H

@@ -13,6 +13,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 typedef int mesh_reader(const char *file, const char *text, size_t size, struct mesh *m,
                         struct err_list *errors);
 
+static inline bool is_between(struct vec3 low, struct vec3 v, struct vec3 high) {
+    return v.x >= low.x && v.x <= high.x && v.y >= low.y && v.y <= high.y && v.z >= low.z && v.z <= high.z;
+}
+
 /* What is accepted has triangles with an area inside its box, of corners and materials that there are; what is not has
  * a sentence. */
 static inline int judge_mesh(mesh_reader *reader, const uint8_t *data, size_t size) {
@@ -28,7 +32,7 @@ static inline int judge_mesh(mesh_reader *reader, const uint8_t *data, size_t si
         for (int k = 0; k < 3; k++) {
             const struct mesh_corner *c = &t->corner[k];
             if (c->vertex >= m.n_vertices || (c->normal != MESH_NO_NORMAL && c->normal >= m.n_normals) ||
-                !(m.vertex[c->vertex].x >= m.low.x && m.vertex[c->vertex].x <= m.high.x))
+                !is_between(m.low, m.vertex[c->vertex], m.high))
                 abort();
         }
     }

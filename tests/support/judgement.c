@@ -14,7 +14,7 @@
 #define DRIFT_RATE 1e-9    /* relative variance per second of the lamp, likewise */
 #define BRACKET_S 900
 
-double true_mean(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg) {
+static double true_mean(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg) {
     double sum = 0;
     int n = 0;
     for (int k = 0; k < BANDS; k++)

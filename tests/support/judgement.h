@@ -20,7 +20,6 @@ struct judgement {
     int32_t at[JUDGED_MAX][2]; /* theta_i, theta_v from readbacks */
 };
 
-double true_mean(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg);
 void judge_session(struct session *s, struct judgement *j);
 /* The same against Hooker's Green as the simulator paints it; fills in the surface. */
 void judge_green(struct session *s, const char *support, int water_percent, struct judgement *j);

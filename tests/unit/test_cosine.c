@@ -11,6 +11,7 @@
 #include <time.h>
 
 #include "proto/cosine.h"
+#include "tests/support/seed.h"
 
 /* Error in units of the last place of the true value. */
 static double error_ulp(int32_t udeg) {
@@ -30,9 +31,7 @@ static double error_ulp(int32_t udeg) {
 
 static void within_one_ulp(void **state) {
     (void)state;
-    const char *given = getenv("SEED");
-    unsigned seed = given ? (unsigned)strtoul(given, NULL, 0) : (unsigned)time(NULL);
-    printf("# seed %u; repeat with SEED=%u build/tests/unit/test_cosine\n", seed, seed);
+    unsigned seed = (unsigned)test_seed((uint64_t)time(NULL));
     double worst = 0;
     for (int i = 0; i < 100000; i++) {
         int32_t udeg = (int32_t)(((int64_t)rand_r(&seed) << 16 ^ rand_r(&seed)) % 400000000) - 200000000;

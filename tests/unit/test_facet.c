@@ -12,6 +12,7 @@
 #include "fit/render/paint.h"
 #include "fit/render/sampler.h"
 #include "proto/units.h"
+#include "tests/support/seed.h"
 
 static const struct vec3 normal = {0, 0, 1};
 
@@ -151,14 +152,13 @@ static void check_histogram(const struct shade_paint *p, double width, unsigned 
         }
     /* mean cells - 1, variance twice that: five standard deviations */
     if (!(cells > AROUND && chi2 < cells + 5 * sqrt(2.0 * cells)) || rest > CELLS * 10)
-        fail_msg("chi2 %g of %d cells, %g draws outside; TEST_SEED=%u repeats it", chi2, cells, rest, seed);
+        fail_msg("chi2 %g of %d cells, %g draws outside; GONIOD_TEST_SEED=%u repeats it", chi2, cells, rest,
+                 seed);
 }
 
 static void samples_follow_the_density(void **state) {
     (void)state;
-    const char *given = getenv("TEST_SEED");
-    unsigned seed = given ? (unsigned)strtoul(given, NULL, 10) : 20260102u;
-    print_message("# seed %u; TEST_SEED=%u build/tests/unit/test_facet repeats it\n", seed, seed);
+    unsigned seed = (unsigned)test_seed(20260102);
     for (size_t i = 0; i < sizeof gammas / sizeof *gammas; i++) {
         struct shade_paint p = paint_of("composite", gammas[i], 126, 0, 0);
         check_histogram(&p, fmin(gammas[i], 1), seed);

@@ -11,7 +11,6 @@
 
 #include "fit/render/intersect.h"
 #include "fit/render/mesh.h"
-#include "proto/file.h"
 #include "tests/support/mesh_file.h"
 #include "tests/support/render_scene.h"
 

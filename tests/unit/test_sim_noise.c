@@ -8,7 +8,6 @@
 #include <string.h>
 #include <time.h>
 
-#include "sim/draw.h"
 #include "sim/sim_bench.h"
 
 #define FRAMES 300

@@ -21,6 +21,7 @@ static void no_case_lies(void **state) {
     struct err e = {0};
     const uint64_t seed = test_seed(1); /* or: goniofit stability --seed N */
     assert_int_equal(stability_cases(false, &cases, &n, &e), 0);
+    assert_int_equal(n, 135); /* docs/fit.md */
     for (size_t i = 0; i < n; i++) {
         struct stability_result r;
         assert_int_equal(stability_run(&cases[i], seed, LIMIT_S, &r, &e), 0);
