@@ -121,6 +121,32 @@ static void *finish_soon(void *arg) {
     return NULL;
 }
 
+/* Another thread ends the work just after the wait has asked for it. */
+static bool missed_by_a_moment(void *self) {
+    struct beat *writer = self;
+    bool done = !writer->working;
+    if (!done)
+        assert_int_equal(write(writer->pipe[1], "w", 1), 1);
+    writer->working = false;
+    return done;
+}
+
+static void what_ends_just_after_it_was_asked_for_costs_no_virtual_time(void **state) {
+    (void)state;
+    struct clock clock;
+    struct bench bench;
+    start(&bench, &clock, true);
+    struct beat writer = {.name = 'w', .next_us = CLOCK_NEVER, .working = true};
+    struct beat axis = {.name = 'a', .next_us = 500, .period_us = 500};
+    assert_int_equal(pipe(writer.pipe), 0);
+    add(&bench, &axis);
+    add(&bench, &writer);
+    assert_int_equal(bench_wait(&bench, CLOCK_NEVER, missed_by_a_moment, &writer, NULL), BENCH_DONE);
+    assert_int_equal(clock_now_us(&clock), 0);
+    close(writer.pipe[0]);
+    close(writer.pipe[1]);
+}
+
 /* Virtual time stands still while a write is outstanding; its descriptor lets time go on. */
 static void outstanding_work_holds_virtual_time(void **state) {
     (void)state;
@@ -280,6 +306,7 @@ int main(void) {
         cmocka_unit_test(done_ends_the_wait_at_once),
         cmocka_unit_test(cancel_wins_over_done),
         cmocka_unit_test(outstanding_work_holds_virtual_time),
+        cmocka_unit_test(what_ends_just_after_it_was_asked_for_costs_no_virtual_time),
         cmocka_unit_test(descriptors_alone_block_in_poll),
         cmocka_unit_test(a_wait_nothing_can_end_is_refused),
         cmocka_unit_test(real_time_waits_and_serves),
