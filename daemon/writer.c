@@ -119,9 +119,11 @@ static struct record *take_records(struct writer *w) {
 }
 
 static void finish(struct writer *w, struct record *r) {
-    atomic_fetch_sub(&w->waiting_bytes, r->size);
-    if (r->ticket) {
+    size_t waited = atomic_fetch_sub(&w->waiting_bytes, r->size);
+    bool makes_room = waited >= WRITER_BYTES_MAX && waited - r->size < WRITER_BYTES_MAX;
+    if (r->ticket)
         atomic_store(&w->done_ticket, r->ticket);
+    if (r->ticket || makes_room) {
         uint64_t one = 1;
         ssize_t ignored = write(w->done_fd, &one, sizeof one);
         (void)ignored;
@@ -176,7 +178,7 @@ bool writer_idle(void *self) {
 }
 
 static bool outstanding(void *self) {
-    return !writer_idle(self);
+    return !writer_idle(self) || !writer_has_room(self);
 }
 
 static int descriptors(void *self, struct pollfd *fd, int max) {

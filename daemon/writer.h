@@ -12,7 +12,7 @@
  *            faster than the disk, so there the same second is 1,000 s.)
  * Failure    the first one (-ERR_FULL, -ERR_IO) ends all writing: the open transactions are rolled back whole,
  *            every ticket completes, writer_failure says why. What was durable stays durable.
- * Bench      a service: virtual time stands still while a commit is outstanding.
+ * Bench      a service: virtual time stands still while a commit is outstanding or no room is left.
  * Threads    all calls from the campaign thread. One writer per campaign.
  * Checked    tests/unit/test_writer.c, tests/scenario/test_campaign.c, tests/crash/
  */

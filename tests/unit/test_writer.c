@@ -100,6 +100,29 @@ static void rows_are_durable_when_the_ticket_says_so(void **state) {
     writer_stop(f->writer);
 }
 
+static int64_t every_ms_us(void *clock) {
+    return clock_now_us(clock) / US_PER_MS * US_PER_MS + US_PER_MS;
+}
+
+static void nothing(void *self) {
+    (void)self;
+}
+
+/* No ticket tells of it: the writer itself wakes the wait, before anything that is due later. */
+static void a_wait_for_room_costs_no_virtual_time(void **state) {
+    struct fixture *f = *state;
+    static uint16_t counts[2 * WRITER_BYTES_MAX / sizeof(uint16_t)];
+    struct exposure x = {.id = 1, .n_scans = 1, .pixels = sizeof counts / sizeof *counts, .counts = counts};
+    start(f, true);
+    struct bench_service axis = {.self = &f->clock, .due_us = every_ms_us, .run = nothing};
+    assert_int_equal(bench_add(&f->bench, &axis), 0);
+    assert_int_equal(writer_create(f->writer, f->path, &f->file, NULL), 0);
+    writer_exposure(f->writer, f->file, &x);
+    assert_int_equal(bench_wait(&f->bench, CLOCK_NEVER, writer_has_room, f->writer, NULL), BENCH_DONE);
+    assert_int_equal(clock_now_us(&f->clock), 0);
+    writer_stop(f->writer);
+}
+
 static void a_wrong_number_is_a_failure(void **state) {
     struct fixture *f = *state;
     struct err e = {0};
@@ -175,6 +198,7 @@ static void a_full_disk_ends_writing_whole(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(rows_are_durable_when_the_ticket_says_so, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_wait_for_room_costs_no_virtual_time, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_wrong_number_is_a_failure, set_up, tear_down),
         cmocka_unit_test_setup_teardown(exchanges_commit_within_a_second, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_full_disk_ends_writing_whole, set_up, tear_down),
