@@ -182,8 +182,9 @@ const struct yaml_key config_axis_keys[] = {
     YAML_TEXT("link", AXIS_AT(link), .required = true,
               .doc = "rtu:PATH, tcp:HOST:PORT, or sim:modbus; axes with the same link share one bus"),
     YAML_INTEGER("unit", AXIS_AT(unit), 1, 247, .required = true, .doc = "Modbus unit id"),
-    YAML_NUMBER("zero_deg", AXIS_AT(zero_deg), -360, 360, .default_text = "0", .unit = "deg",
-                .doc = "raw position of the drive at the axis' zero"),
+    YAML_NUMBER(
+        "zero_deg", AXIS_AT(zero_deg), -360, 360, .default_text = "0", .unit = "deg",
+        .doc = "direction * raw position at the axis' zero: what `gonioctl where` reads there with 0 here"),
     YAML_INTEGER("direction", AXIS_AT(direction), -1, 1, .default_text = "1",
                  .doc = "1, or -1 where the drive counts the other way"),
     YAML_OWN(

@@ -34,7 +34,7 @@ struct axis_config {
     enum axis_kind kind;
     const struct profile *profile; /* AXIS_MOTOR; outlives the axis */
     int unit;
-    int32_t zero_udeg;           /* raw position of user zero */
+    int32_t zero_udeg;           /* direction * raw position of user zero */
     int direction;               /* +1 or -1 */
     int32_t low_udeg, high_udeg; /* soft limits, user coordinates */
     int32_t fixed_udeg;          /* AXIS_FIXED */

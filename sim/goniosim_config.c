@@ -64,7 +64,7 @@ static const struct yaml_key AXES[] = {
     YAML_NUMBER("u_repeat_deg", AXIS(u_repeat_deg), 0, 1, .unit = "deg", .default_text = "0.002",
                 .doc = "repeatability of a move"),
     YAML_NUMBER("lost_motion_deg", AXIS(lost_motion_deg), 0, 1, .unit = "deg", .default_text = "0.033",
-                .doc = "of the gear, seen when approached downwards"),
+                .doc = "of the gear, seen where the axis' angle is approached downwards"),
     YAML_NUMBER("speed_deg_s", AXIS(speed_deg_s), 0.01, 2000, .unit = "deg/s", .default_text = "20",
                 .doc = "of a home"),
     YAML_NUMBER("accel_deg_s2", AXIS(accel_deg_s2), 0.01, 100000, .unit = "deg/s^2", .default_text = "40",

@@ -99,7 +99,9 @@ double truth_axis_deg(const struct truth *t, enum truth_role role, int64_t at_us
     const struct truth_axis *a = &t->axis[role];
     if (!a->unit)
         return a->manual_deg;
-    return a->direction * plant_table_deg(&a->unit->plant, at_us) - a->zero_deg;
+    const struct plant *p = &a->unit->plant;
+    double aligned_deg = a->direction < 0 ? p->lost_motion_deg : 0; /* where the gear stood, approached so */
+    return a->direction * (plant_table_deg(p, at_us) - aligned_deg) - a->zero_deg;
 }
 
 int32_t truth_raw_steps(const struct truth *t, enum truth_role role, double user_deg) {

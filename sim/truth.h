@@ -33,8 +33,8 @@
 enum truth_role { TRUTH_SOURCE, TRUTH_SAMPLE, TRUTH_HOLDER, TRUTH_ROLES };
 
 struct truth_axis {
-    struct az_unit *unit;   /* NULL: turned by hand to manual_deg */
-    double zero_deg;        /* true raw position of user zero */
+    struct az_unit *unit; /* NULL: turned by hand to manual_deg */
+    double zero_deg; /* true, of direction * raw; aligned with the axis reached upwards in its own angle */
     double stated_zero_deg; /* as the config has it */
     int direction;
     double manual_deg;

@@ -47,7 +47,8 @@ static int open_axis(int i, bool valid) {
     struct axis_config c = {.kind = AXIS_MOTOR,
                             .profile = &profile,
                             .unit = i + 1,
-                            .direction = 1,
+                            .direction = sim_config.axis[i].direction,
+                            .zero_udeg = DEG(sim_config.axis[i].zero_deg),
                             .low_udeg = i == 2 ? DEG(-5) : DEG(-90),
                             .high_udeg = i == 2 ? DEG(185) : DEG(150),
                             .position_valid = valid};
@@ -119,6 +120,28 @@ static void lost_motion_does_not_show_from_either_side(void **state) {
     assert_int_equal(move(60, 0, 0), 0);
     assert_int_equal(move(30, 0, 0), 0);
     assert_true(fabs(sim_bench_true_deg(sim, "source") - at[0]) > 0.04);
+}
+
+/* The drive counts the other way: the zero is still where it was aligned, reached upwards in the axis' own angle. */
+static void the_table_stands_where_it_reads_whichever_way_the_drive_counts(void **state) {
+    (void)state;
+    for (int r = 0; r < SIM_AXES; r++) {
+        sim_config.axis[r].u_repeat_deg = sim_config.axis[r].u_zero_deg = 0;
+        sim_config.axis[r].direction = r == STAGE_HOLDER ? 1 : -1;
+        sim_config.axis[r].zero_deg = 12.3;
+    }
+    start();
+    static const double FROM[] = {0, 60, 30.02, 29.98};
+    for (size_t k = 0; k < sizeof FROM / sizeof *FROM; k++) {
+        assert_int_equal(move(FROM[k], FROM[k], FROM[k]), 0);
+        assert_int_equal(move(30, 30, 30), 0);
+        for (int i = 0; i < STAGE_AXES; i++) {
+            double off_deg = sim_bench_true_deg(sim, ROLES[i]) - deg_from_udeg(reading.udeg[i]);
+            if (reading.udeg[i] != DEG(30) || fabs(off_deg) > 1e-6)
+                fail_msg("%s from %g deg: reads %.4f deg, off by %.4f deg", ROLES[i], FROM[k],
+                         deg_from_udeg(reading.udeg[i]), off_deg);
+        }
+    }
 }
 
 static void a_sweep_takes_little_more_than_its_motion(void **state) {
@@ -239,6 +262,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(three_axes_on_one_bus_arrive_together),
         TEST(lost_motion_does_not_show_from_either_side),
+        TEST(the_table_stands_where_it_reads_whichever_way_the_drive_counts),
         TEST(a_sweep_takes_little_more_than_its_motion),
         TEST(a_limit_switch_ends_the_move_with_its_alarm),
         TEST(a_unit_without_coordinates_has_to_be_homed),
