@@ -1,9 +1,8 @@
 #include "sim/diffuser.h"
 
-#include <errno.h>
 #include <math.h>
-#include <stdio.h>
 
+#include "proto/output.h"
 #include "proto/units.h"
 #include "sim/sim.h"
 
@@ -52,7 +51,7 @@ void diffuser_certified(double theta_i_deg, double theta_v_deg, double beta[BAND
     }
 }
 
-static int write_rows(FILE *out, double u_rel) {
+static void write_rows(FILE *out, double u_rel) {
     for (int i = 0; i < I_NODES; i++)
         for (int v = 0; v < V_NODES; v++)
             for (int l = 0; l < L_NODES; l++) {
@@ -60,18 +59,15 @@ static int write_rows(FILE *out, double u_rel) {
                 fprintf(out, "%d,%.8f,%.8f,%d,%d\n", L_FIRST + L_STEP * l, beta, u_rel * beta, I_STEP * i,
                         V_FIRST + V_STEP * v);
             }
-    return ferror(out) ? -1 : 0;
 }
 
 int sim_certificate_write(const struct sim_config *config, const char *path, struct err *e) {
-    FILE *out = fopen(path, "w");
+    FILE *out = output_open(path, e);
     if (!out)
-        return err_errno(e, ERR_IO, errno, "cannot write the certificate %s", path);
+        return -e->code;
     fputs("# geometry: in-plane table\n# k: 1\n# serial: SIM-PTFE-1\n# date: 2025-11-03\n"
           "# valid_until: 2030-11-03\nlambda_nm,beta,u,theta_i_deg,theta_v_deg\n",
           out);
-    int bad = write_rows(out, config->certificate_u_rel);
-    if (fclose(out) != 0 || bad)
-        return err_errno(e, ERR_IO, errno, "cannot write the certificate %s", path);
-    return 0;
+    write_rows(out, config->certificate_u_rel);
+    return output_close(out, path, 0, e);
 }

@@ -5,7 +5,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "proto/output.h"
 #include "sim/goniosim_config.h"
 #include "sim/serve.h"
 
@@ -133,12 +132,6 @@ static int serve(const struct goniosim_config *c, struct err *e) {
     return rc;
 }
 
-/* The name may be that of a real diffuser's certificate. */
-static int write_certificate(const struct goniosim_config *config, const char *path, struct err *e) {
-    int rc = output_check(path, e);
-    return rc ? rc : sim_certificate_write(&config->bench, path, e);
-}
-
 int main(int argc, char **argv) {
     static struct goniosim_config config;
     struct options o = {0};
@@ -153,7 +146,7 @@ int main(int argc, char **argv) {
         err_list_free(&errors);
         return 2;
     }
-    int rc = o.certificate ? write_certificate(&config, o.certificate, &e) : serve(&config, &e);
+    int rc = o.certificate ? sim_certificate_write(&config.bench, o.certificate, &e) : serve(&config, &e);
     goniosim_config_free(&config);
     return rc ? failed(&e) : 0;
 }

@@ -109,7 +109,8 @@ int sim_usb_link(struct sim_bench *bench, struct usb_link *link, struct err *e);
  * board", water 0. -ERR_INPUT names the nearest known. */
 int sim_paint_find(const char *paint, const char *support, int water_percent, struct sim_surface *surface,
                    struct err *e);
-/* The certificate CSV of the simulated diffuser, as its calibration laboratory would hand it out. */
+/* The certificate CSV of the simulated diffuser, as its calibration laboratory would hand it out. Never over a file
+ * that is there: it may be a real diffuser's. */
 int sim_certificate_write(const struct sim_config *config, const char *path, struct err *e);
 /* The truth, for tests and for the demo's table: radiance factor as defined, without the instrument. */
 double sim_surface_beta(const struct sim_surface *surface, double theta_i_deg, double theta_v_deg, int band);

@@ -221,10 +221,11 @@ void lab_verify(const struct lab *lab, const char *name) {
 
 static char *certificate_text(const struct lab *lab, size_t *size) {
     struct sim_config sim;
+    struct err e = {0};
     char path[128], *text;
     sim_config_default(&sim);
     snprintf(path, sizeof path, "%s/ptfe.csv", lab->dir);
-    assert_int_equal(sim_certificate_write(&sim, path, NULL), 0);
+    assert_int_equal(sim_certificate_write(&sim, path, &e), 0);
     assert_int_equal(file_read(path, TEXT_MAX, &text, size, NULL), 0);
     unlink(path);
     return text;

@@ -33,17 +33,21 @@ static void the_document_is_what_the_tables_say(void **state) {
 /* The certificate that the example job names is the one of the simulated diffuser. */
 static void the_certificate_is_the_simulated_diffusers(void **state) {
     (void)state;
-    char path[] = "/tmp/goniod-ptfe-XXXXXX", *stored, *written;
+    char folder[] = "/tmp/goniod-ptfe-XXXXXX", path[64], *stored, *written;
     size_t stored_size, written_size;
     struct sim_config config;
+    struct err e = {0};
     sim_config_default(&config);
-    close(mkstemp(path));
-    assert_int_equal(sim_certificate_write(&config, path, NULL), 0);
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/ptfe.csv", folder);
+    assert_int_equal(sim_certificate_write(&config, path, &e), 0);
     assert_int_equal(file_read(EXAMPLES "demo/ptfe.csv", 1 << 20, &stored, &stored_size, NULL), 0);
     assert_int_equal(file_read(path, 1 << 20, &written, &written_size, NULL), 0);
     if (strcmp(stored, written) != 0)
         fail_msg("%sdemo/ptfe.csv is out of date: build/tests/unit/test_configuration --write", EXAMPLES);
+    assert_int_equal(sim_certificate_write(&config, path, &e), -ERR_BUSY); /* not over what is there */
     unlink(path);
+    rmdir(folder);
     free(stored);
     free(written);
 }
@@ -105,9 +109,11 @@ static void the_example_bench_is_valid(void **state) {
 
 static int write_documents(void) {
     struct sim_config config;
+    struct err e = {0};
     sim_config_default(&config);
     FILE *out = fopen(DOCUMENT, "w");
-    if (!out || sim_certificate_write(&config, EXAMPLES "demo/ptfe.csv", NULL) < 0)
+    unlink(EXAMPLES "demo/ptfe.csv");
+    if (!out || sim_certificate_write(&config, EXAMPLES "demo/ptfe.csv", &e) < 0)
         return 1;
     configuration_print(out);
     return fclose(out) != 0;
