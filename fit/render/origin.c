@@ -36,7 +36,18 @@ static json_t *held_bands(const struct paint *paint) {
     return json;
 }
 
+static json_t *file_json(const char *name, const char *sha256) {
+    return json_pack("{s:s,s:s}", "file", name, "sha256", sha256);
+}
+
+static void add_file(json_t *json, const char *key, const char *name, const char *sha256) {
+    if (sha256[0]) {
+        json_object_set_new(json, key, file_json(name, sha256));
+    }
+}
+
 static json_t *material_json(const struct scene *scene, const struct paint *paint) {
+    const struct scene_material *written = &scene->material[paint - scene->paint];
     json_t *json =
         json_pack("{s:s,s:s,s:s,s:o,s:f,s:o,s:f}", "name", paint->name, "source", paint->source, "model",
                   paint->estimate.model, "parameters", parameters_of(&paint->estimate, false), "kappa",
@@ -46,12 +57,32 @@ static json_t *material_json(const struct scene *scene, const struct paint *pain
         json_object_set_new(json, "sha256", json_string(paint->sha256));
         json_object_set_new(json, "u", parameters_of(&paint->estimate, true));
     }
+    add_file(json, "spectrum", written->spectrum, written->spectrum_sha256);
     return json;
 }
 
-static json_t *light_json(const struct light *light) {
-    json_t *json = json_pack("{s:s,s:s,s:f}", "kind", light_name(light->kind), "spd", light->spd_name,
-                             "share", light->share);
+static json_t *shape_json(const struct shape *shape) {
+    const struct shape_rectangle *r = &shape->rectangle;
+    json_t *json = json_pack("{s:s}", "kind", shape_name(shape->kind));
+    add_file(json, "mask", r->mask_file, r->mask_sha256);
+    add_file(json, "relief", r->relief_file, r->relief_sha256);
+    add_file(json, "mesh", shape->mesh.file, shape->mesh.sha256);
+    return json;
+}
+
+/* Its spectrum, and the file it is from. */
+static void set_spd(json_t *json, const struct scene *scene, const struct light *light) {
+    const struct spd *spd = &scene->spd[light->spd];
+    json_object_set_new(json, "spd", json_string(light->spd_name));
+    json_object_del(json, "spd_sha256");
+    if (spd->sha256[0]) {
+        json_object_set_new(json, "spd_sha256", json_string(spd->sha256));
+    }
+}
+
+static json_t *light_json(const struct scene *scene, const struct light *light) {
+    json_t *json = json_pack("{s:s,s:f}", "kind", light_name(light->kind), "share", light->share);
+    set_spd(json, scene, light);
     if (light->kind == LIGHT_BEAM) {
         json_object_set_new(json, "direction",
                             json_pack("[f,f,f]", light->direction.x, light->direction.y, light->direction.z));
@@ -77,14 +108,18 @@ static json_t *features_json(const struct features *features, bool kept) {
 }
 
 static void add_scene(json_t *json, const struct scene *scene) {
-    json_t *materials = json_array(), *lights = json_array();
+    json_t *materials = json_array(), *shapes = json_array(), *lights = json_array();
     for (int i = 0; i < scene->n_paints; i++) {
         json_array_append_new(materials, material_json(scene, &scene->paint[i]));
     }
+    for (int i = 0; i < scene->n_shapes; i++) {
+        json_array_append_new(shapes, shape_json(&scene->shape[i]));
+    }
     for (int i = 0; i < scene->n_lights; i++) {
-        json_array_append_new(lights, light_json(&scene->light[i]));
+        json_array_append_new(lights, light_json(scene, &scene->light[i]));
     }
     json_object_set_new(json, "materials", materials);
+    json_object_set_new(json, "shapes", shapes);
     json_object_set_new(json, "lights", lights);
     json_object_set_new(json, "grid", json_integer(scene->image.grid));
     json_object_set_new(json, "bounces", json_integer(scene->image.bounces));
@@ -120,8 +155,9 @@ static void add_work(json_t *json, const struct render_report *r) {
 
 json_t *origin_make(const struct scene *scene, const struct render_report *report,
                     const struct picture *picture, const char *command) {
-    json_t *json = json_pack("{s:s,s:s,s:s,s:s}", "program", "goniorender " GONIOD_VERSION, "command",
-                             command, "scene", scene->file, "name", scene->name);
+    json_t *json =
+        json_pack("{s:s,s:s,s:s,s:s,s:s}", "program", "goniorender " GONIOD_VERSION, "command", command,
+                  "scene", scene->file, "scene_sha256", scene->sha256, "name", scene->name);
     if (json) {
         add_scene(json, scene);
         add_work(json, report);
@@ -134,8 +170,7 @@ json_t *origin_recoloured(const struct scene *scene, json_t *rendered, const str
                           const char *command) {
     json_t *json = json_deep_copy(rendered);
     for (int i = 0; i < scene->n_lights; i++) {
-        json_object_set_new(json_array_get(json_object_get(json, "lights"), (size_t)i), "spd",
-                            json_string(scene->light[i].spd_name));
+        set_spd(json_array_get(json_object_get(json, "lights"), (size_t)i), scene, &scene->light[i]);
     }
     for (int i = 0; i < scene->n_paints; i++) {
         if (scene->paint[i].sha256[0]) { /* planes know none: this one is a session's */

@@ -132,8 +132,9 @@ static json_t *recolour_json(const struct scene *scene) {
             lights, json_pack("{s:i,s:f}", "spd", scene->light[i].spd, "share", scene->light[i].share));
     }
     for (int i = 0; i < scene->n_spds; i++) {
-        json_array_append_new(
-            spds, json_pack("{s:s,s:o}", "name", scene->spd[i].name, "power", numbers(scene->spd[i].power)));
+        const struct spd *spd = &scene->spd[i];
+        json_array_append_new(spds, json_pack("{s:s,s:s,s:o}", "name", spd->name, "sha256", spd->sha256,
+                                              "power", numbers(spd->power)));
     }
     return json_pack("{s:s,s:o,s:o,s:o,s:{s:i,s:i,s:i,s:i,s:f}}", "scene", scene->file, "paints", paints,
                      "lights", lights, "spds", spds, "image", "bits", m->bits, "observer", m->observer,
@@ -182,9 +183,9 @@ static bool take_numbers(const json_t *json, double *value) {
     return good;
 }
 
-static void take_name(char *name, size_t size, const json_t *json) {
-    const char *text = json_string_value(json_object_get(json, "name"));
-    snprintf(name, size, "%s", text ? text : "");
+static void take_text(char *out, size_t size, const json_t *json, const char *key) {
+    const char *text = json_string_value(json_object_get(json, key));
+    snprintf(out, size, "%s", text ? text : "");
 }
 
 static bool take_lists(struct scene *scene, const json_t *json) {
@@ -195,13 +196,14 @@ static bool take_lists(struct scene *scene, const json_t *json) {
     bool good = n_paints <= SCENE_PAINTS && n_spds <= SCENE_LIGHTS && n_lights <= SCENE_LIGHTS;
     for (size_t i = 0; i < n_paints && good; i++) {
         const json_t *one = json_array_get(paints, i);
-        take_name(scene->paint[i].name, sizeof scene->paint[i].name, one);
+        take_text(scene->paint[i].name, sizeof scene->paint[i].name, one, "name");
         good = take_numbers(json_object_get(one, "s"), scene->paint[i].s);
         scene->n_paints++;
     }
     for (size_t i = 0; i < n_spds && good; i++) {
         const json_t *one = json_array_get(spds, i);
-        take_name(scene->spd[i].name, sizeof scene->spd[i].name, one);
+        take_text(scene->spd[i].name, sizeof scene->spd[i].name, one, "name");
+        take_text(scene->spd[i].sha256, sizeof scene->spd[i].sha256, one, "sha256");
         good = take_numbers(json_object_get(one, "power"), scene->spd[i].power);
         scene->n_spds++;
     }

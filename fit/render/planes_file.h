@@ -6,7 +6,7 @@
  *            Where something was drawn at random: noise.varY, the variance of Y of each pixel as rendered. 32-bit
  *            floats: 6e-8 of each value.
  * Text       "goniod": the origin (origin.h) with "recolour": {"paints": [{"name", "s": [81]}], "lights": [{"spd",
- *            "share"}], "spds": [{"name", "power": [81]}], "image": {...}}.
+ *            "share"}], "spds": [{"name", "sha256", "power": [81]}], "image": {...}}.
  * Errors     those of exr.h; -ERR_INPUT an EXR that holds no planes.
  * Checked    tests/unit/test_render_exr.c
  */

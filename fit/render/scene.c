@@ -9,6 +9,7 @@
 #include "fit/render/mesh.h"
 #include "fit/render/place.h"
 #include "fit/render/scene_keys.h"
+#include "fit/render/sha256.h"
 #include "proto/file.h"
 #include "proto/spectrum.h"
 #include "proto/yaml.h"
@@ -49,18 +50,22 @@ static int only_kind(struct check *c, const char *path, const bool *given, int k
     return found;
 }
 
-static int read_spectrum(struct check *c, const struct scene_material *m, struct estimate *estimate) {
+static int read_spectrum(struct check *c, struct scene_material *m, struct estimate *estimate) {
     struct spectrum spectrum;
+    struct err e = {0};
     char path[PLACE_MAX];
     place_of(path, c->scene->folder, m->spectrum);
     int status = spectrum_read_file(path, &spectrum, c->errors);
     for (int k = 0; k < BANDS && !status; k++) {
         estimate->s_lambda[k] = spectrum.value[k];
     }
+    if (!status && (status = sha256_of_file(path, m->spectrum_sha256, &e))) {
+        err_list_add(c->errors, &e);
+    }
     return status;
 }
 
-static void material_of_parameters(struct check *c, const char *at, const struct scene_material *m,
+static void material_of_parameters(struct check *c, const char *at, struct scene_material *m,
                                    struct paint *paint) {
     struct estimate *x = &paint->estimate;
     snprintf(paint->source, sizeof paint->source, "parameters");
@@ -117,7 +122,7 @@ static void material_of_session(struct check *c, int i) {
 }
 
 static void check_material(struct check *c, int i) {
-    const struct scene_material *m = &c->scene->material[i];
+    struct scene_material *m = &c->scene->material[i];
     struct paint *paint = &c->scene->paint[i];
     char at[96];
     snprintf(at, sizeof at, "materials[%d].name", i);
@@ -354,6 +359,7 @@ struct scene *scene_read_text(const char *path, const char *text, size_t size,
         return NULL;
     }
     set_names(scene, path);
+    sha256_of_bytes(text, size, scene->sha256);
     if (yaml_read_text_places(path, text, size, scene_keys, scene, errors, &check.places) == 0) {
         check_scene(&check);
     }

@@ -22,7 +22,7 @@
 #define SCENE_LIGHTS 16
 
 struct scene_material { /* as written; becomes paint[same index] */
-    char name[64], session[256], spectrum[256];
+    char name[64], session[256], spectrum[256], spectrum_sha256[65];
     int model;
     bool has_uniform;
     double uniform, sigma, gamma, beta_prime, n, kappa, tail, n_d, gamma_2, beta_prime_2;
@@ -40,7 +40,7 @@ struct scene_image {
 };
 
 struct scene {
-    char file[256], folder[256], name[64];
+    char file[256], sha256[65], folder[256], name[64];
     struct scene_image image;
     struct camera camera;
     int n_paints, n_shapes, n_lights, n_spds;

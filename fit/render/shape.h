@@ -44,9 +44,9 @@ struct shape_sphere {
 
 struct shape_rectangle { /* a painting: its materials by a mask, its relief by a height map */
     double width_mm, height_mm;
-    char mask_file[256], relief_file[256];
-    unsigned mask_colour[SHAPE_MATERIALS]; /* 0xrrggbb of material i */
-    double relief_mm;                      /* height of the code 65535 */
+    char mask_file[256], relief_file[256], mask_sha256[65], relief_sha256[65]; /* empty: not read */
+    unsigned mask_colour[SHAPE_MATERIALS];                                     /* 0xrrggbb of material i */
+    double relief_mm;                                                          /* height of the code 65535 */
     int mask_width, mask_height;
     uint8_t *mask; /* index into the shape's materials, by rows from the top; NULL: all of one material */
     struct relief relief;
@@ -63,7 +63,7 @@ struct shape_fold { /* two rectangles that meet in the y axis and open towards +
 };
 
 struct shape_mesh { /* triangles of a file */
-    char file[256];
+    char file[256], sha256[65];
     double scale; /* mm in a unit of the file */
     struct shape_mesh_parts *parts;
 };

@@ -6,6 +6,7 @@
 #include "fit/render/mesh.h"
 #include "fit/render/place.h"
 #include "fit/render/scene_keys.h"
+#include "fit/render/sha256.h"
 #include "fit/render/shape.h"
 
 #define ROUNDING 1e-5 /* of the mesh's size: ten times what floats may misplace a ray by */
@@ -174,6 +175,7 @@ int shape_mesh_prepare(struct shape *s, const char *folder, struct err_list *err
     struct mesh *m = &s->mesh.parts->mesh;
     place_of(path, folder, s->mesh.file);
     int status = mesh_read(path, m, errors);
+    status = status ? status : sha256_of_file(path, s->mesh.sha256, e);
     status = status ? status : scale(s, path, e);
     status = status ? status : paint(s, path, e);
     return status ? status

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "fit/render/place.h"
+#include "fit/render/sha256.h"
 
 /* Where a ray meets the plane z = 0 from its front, in the rectangle's own coordinates from its centre. */
 static bool meet(const struct shape *s, double half_width, double half_height, const struct ray *ray,
@@ -119,6 +120,7 @@ int shape_rectangle_prepare(struct shape *s, const char *folder, struct err_list
         place_of(path, folder, r->mask_file);
         status = raster_read(path, &raster, e);
         status = status ? status : fill_mask(s, path, &raster, e);
+        status = status ? status : sha256_of_file(path, r->mask_sha256, e);
         raster_free(&raster);
     }
     if (!status && r->relief_file[0] && r->relief_mm > 0) { /* a relief of no height is not even read */
@@ -126,6 +128,7 @@ int shape_rectangle_prepare(struct shape *s, const char *folder, struct err_list
         status = raster_read(path, &raster, e);
         status =
             status ? status : relief_make(&r->relief, &raster, r->width_mm, r->height_mm, r->relief_mm, e);
+        status = status ? status : sha256_of_file(path, r->relief_sha256, e);
         raster_free(&raster);
     }
     return status;

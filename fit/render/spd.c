@@ -7,6 +7,7 @@
 
 #include "fit/render/cie.h"
 #include "fit/render/place.h"
+#include "fit/render/sha256.h"
 #include "proto/number.h"
 #include "proto/spectrum.h"
 
@@ -53,7 +54,7 @@ static int from_file(struct spd *spd, const char *name, const char *folder, stru
     }
     return dark
                ? err_set(e, ERR_INPUT, "%s gives no power between 380 and 780 nm; leave that light out", name)
-               : 0;
+               : sha256_of_file(path, spd->sha256, e);
 }
 
 int spd_find(struct spd *spd, const char *name, const char *folder, struct err_list *errors, struct err *e) {

@@ -19,7 +19,7 @@
 #include "proto/err.h"
 
 struct spd {
-    char name[256];
+    char name[256], sha256[65]; /* of the file; empty where there is none */
     double power[BANDS];
     int n_missing;
 };

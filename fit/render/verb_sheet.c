@@ -127,12 +127,15 @@ static json_t *sheet_json(const struct contact *o, const struct sheet *s) {
                                : origin_make(o->scene, &o->traced, &s->picture, o->line);
     json_t *tiles = json_array();
     for (int i = 0; i < s->n; i++) {
-        json_array_append_new(tiles,
-                              json_pack("{s:s,s:f,s:[f,f,f],s:f,s:I,s:I}", "spd", o->name[i],
-                                        "mean_ciede2000_to_first", s->tile[i].mean_de, "white",
-                                        s->tile[i].white[0], s->tile[i].white[1], s->tile[i].white[2],
-                                        "max_y", s->tile[i].max_y, "clipped", (json_int_t)s->tile[i].clipped,
-                                        "out_of_gamut", (json_int_t)s->tile[i].out_of_gamut));
+        json_t *tile =
+            json_pack("{s:s,s:f,s:[f,f,f],s:f,s:I,s:I}", "spd", o->name[i], "mean_ciede2000_to_first",
+                      s->tile[i].mean_de, "white", s->tile[i].white[0], s->tile[i].white[1],
+                      s->tile[i].white[2], "max_y", s->tile[i].max_y, "clipped",
+                      (json_int_t)s->tile[i].clipped, "out_of_gamut", (json_int_t)s->tile[i].out_of_gamut);
+        if (o->light[i].sha256[0]) {
+            json_object_set_new(tile, "spd_sha256", json_string(o->light[i].sha256));
+        }
+        json_array_append_new(tiles, tile);
     }
     json_object_set_new(json, "sheet",
                         json_pack("{s:i,s:i,s:o}", "columns", s->columns, "rows", s->rows, "tiles", tiles));
@@ -175,7 +178,9 @@ int verb_sheet(int argc, char **argv) {
     if (status == 0) {
         o->render.cancel = verb_cancel();
         o->render.progress = isatty(STDERR_FILENO);
-        status = find_lights(o, &errors, &e);
+        status = verb_output(o->output, &e);
+        status = status ? status : verb_output(o->report, &e);
+        status = status ? status : find_lights(o, &errors, &e);
         status = status ? status : find_planes(o, &errors, &e);
         status =
             status ? status : sheet_make(o->scene, &o->planes, o->light, o->n_names, o->columns, &sheet, &e);
