@@ -3,6 +3,7 @@
 
 #include "fit/render/verbs.h"
 #include "fit/render/scene_keys.h"
+#include "proto/output.h"
 
 static const char help[] =
     "usage: goniorender render SCENE.yaml -o FILE.png | recolour PLANES.exr -o FILE.png |\n"
@@ -56,7 +57,7 @@ static const struct {
 int main(int argc, char **argv) {
     for (size_t i = 0; argc > 1 && i < sizeof commands / sizeof *commands; i++) {
         if (strcmp(argv[1], commands[i].name) == 0) {
-            return commands[i].run(argc - 1, argv + 1);
+            return output_end("goniorender", commands[i].run(argc - 1, argv + 1));
         }
     }
     fprintf(stderr, "%s%s%s",

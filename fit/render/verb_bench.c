@@ -382,6 +382,12 @@ static int run_all(struct bench *b, struct err *e) {
     return status;
 }
 
+static int check_outputs(const struct bench *b, struct err *e) {
+    int status = verb_output(b->report, e);
+    status = status ? status : verb_output(b->csv, e);
+    return status ? status : verb_output(b->plot, e);
+}
+
 static int open_files(struct bench *b, struct err *e) {
     ssize_t n = readlink("/proc/self/exe", b->self, sizeof b->self - 1);
     snprintf(b->folder, sizeof b->folder, "/tmp/goniorender-bench-XXXXXX");
@@ -416,6 +422,7 @@ int verb_bench(int argc, char **argv) {
     struct bench b = {.size = &whole};
     struct err e = {0};
     int status = read_options(argc, argv, &b, &e);
+    status = status ? status : check_outputs(&b, &e);
     if (status) {
         return status > 0 ? 0 : verb_complain("bench", &e);
     }

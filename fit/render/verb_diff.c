@@ -125,6 +125,12 @@ static void inherit(struct comparison *o) {
     }
 }
 
+static int check_outputs(const struct comparison *o, struct err *e) {
+    int status = verb_output(o->output, e);
+    status = status ? status : verb_output(o->values, e);
+    return status ? status : verb_output(o->report, e);
+}
+
 static int read_half(struct half *h, struct err_list *errors, struct err *e) {
     h->scene = verb_scene(h->file, h->session, h->n_sessions, "single pictures are compared", errors, e);
     return h->scene ? verb_lights(h->scene, h->spd, h->n_spds, errors, e) : -ERR_INPUT;
@@ -246,7 +252,8 @@ int verb_diff(int argc, char **argv) {
     status = read_options(argc, argv, o, &e);
     if (status == 0) {
         inherit(o);
-        status = read_half(&o->half[0], &errors, &e);
+        status = check_outputs(o, &e);
+        status = status ? status : read_half(&o->half[0], &errors, &e);
         status = status ? status : read_half(&o->half[1], &errors, &e);
         o->render.cancel = verb_cancel();
         o->render.progress = isatty(STDERR_FILENO);

@@ -161,7 +161,8 @@ int verb_recolour(int argc, char **argv) {
     char *line = verb_line(argc, argv); /* before any word is cut */
     int status = read_options(argc, argv, &o, &e);
     if (status == 0) {
-        status = planes_load(o.planes, &scene, &planes, &rendered, &e);
+        status = verb_output(o.output, &e);
+        status = status ? status : planes_load(o.planes, &scene, &planes, &rendered, &e);
         status = status ? status : verb_lights(scene, o.spd, o.n_spds, &errors, &e);
         status = status ? status : may_change_paints(&o, &planes, &e);
         status = status ? status : change_paints(&o, scene, &e);

@@ -255,6 +255,14 @@ static int render_one(const struct job *job, const char *path, struct err *e) {
     return status;
 }
 
+static void name_picture(const struct job *job, int k, char *path, size_t size) {
+    if (job->scene->n_pictures == 1) {
+        snprintf(path, size, "%s", job->options.output);
+    } else {
+        verb_numbered(job->options.output, k + 1, path, size);
+    }
+}
+
 static int render_series(struct job *job, struct err *e) {
     int status = 0;
     struct render_hits hits = {0};
@@ -262,11 +270,7 @@ static int render_series(struct job *job, struct err *e) {
     for (int k = 0; k < job->scene->n_pictures && !status; k++) {
         char path[4096];
         scene_aim(job->scene, k);
-        if (job->scene->n_pictures == 1) {
-            snprintf(path, sizeof path, "%s", job->options.output);
-        } else {
-            verb_numbered(job->options.output, k + 1, path, sizeof path);
-        }
+        name_picture(job, k, path, sizeof path);
         status = render_one(job, path, e);
     }
     render_hits_free(&hits);
@@ -275,6 +279,21 @@ static int render_series(struct job *job, struct err *e) {
         int written =
             verb_report(job->options.report, n == 1 ? json_array_get(job->reports, 0) : job->reports, e);
         status = status ? status : written;
+    }
+    return status;
+}
+
+static int check_outputs(const struct job *job, struct err *e) {
+    const struct options *o = &job->options;
+    const char *const beside[] = {o->planes, o->spectral, o->uncertainty, o->report};
+    int status = 0;
+    for (int k = 0; k < job->scene->n_pictures && !status; k++) {
+        char path[4096];
+        name_picture(job, k, path, sizeof path);
+        status = verb_output(path, e);
+    }
+    for (size_t i = 0; i < sizeof beside / sizeof *beside && !status; i++) {
+        status = verb_output(beside[i], e);
     }
     return status;
 }
@@ -293,7 +312,7 @@ static int check_wishes(const struct job *job, struct err *e) {
                        "`bounces: 1`",
                        job->scene->image.bounces);
     }
-    return 0;
+    return check_outputs(job, e);
 }
 
 int verb_render(int argc, char **argv) {

@@ -1,8 +1,12 @@
 #include "fit/render/verbs.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "proto/number.h"
 
@@ -105,6 +109,38 @@ struct scene *verb_scene(const char *path, const struct scene_session *session, 
         return NULL;
     }
     return scene;
+}
+
+/* By doing it: rights do not tell of a read-only file system, and root has them all. */
+static int try_beside(const char *path, struct err *e) {
+    char part[4096];
+    snprintf(part, sizeof part, "%s.part", path);
+    int file = open(part, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666), saved_errno = errno;
+    if (file >= 0) {
+        close(file);
+        unlink(part);
+    }
+    return file >= 0 || saved_errno == EEXIST
+               ? 0
+               : err_errno(e, ERR_IO, saved_errno, "%s cannot be written", path);
+}
+
+int verb_output(const char *path, struct err *e) {
+    struct stat st;
+    if (!path) {
+        return 0;
+    }
+    if (stat(path, &st) != 0) {
+        return try_beside(path, e);
+    }
+    if (S_ISDIR(st.st_mode)) {
+        return err_set(e, ERR_IO, "%s is a folder; name a file in it", path);
+    }
+    if (access(path, W_OK) != 0) {
+        int saved_errno = errno;
+        return err_errno(e, ERR_IO, saved_errno, "%s cannot be written", path);
+    }
+    return S_ISREG(st.st_mode) ? try_beside(path, e) : 0;
 }
 
 int verb_report(const char *path, const json_t *json, struct err *e) {

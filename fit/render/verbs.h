@@ -3,7 +3,7 @@
  *
  * Exit status 0 done; 1 the work failed or was interrupted; 2 bad usage or bad input, nothing was started. Results go
  * to stdout, messages to stderr; a mistake in a file is FILE:LINE:COLUMN: sentence.
- * Checked    tests/unit/test_goniorender.py
+ * Checked    tests/unit/test_render_files.py, test_goniorender.py
  */
 #ifndef FIT_RENDER_VERBS_H
 #define FIT_RENDER_VERBS_H
@@ -43,6 +43,8 @@ struct scene *verb_scene(const char *path, const struct scene_session *session, 
                          const char *wants, struct err_list *errors, struct err *e);
 /* The first n spectra of the scene's lights become these. */
 int verb_lights(struct scene *scene, const char *const *spd, int n, struct err_list *errors, struct err *e);
+/* Whether a file of that name could be written or replaced, before the work that fills it; NULL: none is wished. */
+int verb_output(const char *path, struct err *e);
 /* What --report asks for. */
 int verb_report(const char *path, const json_t *json, struct err *e);
 int verb_threads(const char *text, int *threads, struct err *e);
