@@ -68,7 +68,7 @@ static void state(void *self, struct modbus_link_state *state) {
                                         .failures = s->failures};
 }
 
-static const struct modbus_link_ops OPS = {transact, state, free};
+static const struct modbus_link_ops OPS = {.transact = transact, .state = state, .close = free};
 
 int sim_modbus_link(struct sim_bench *bench, struct modbus_link *link, struct err *e) {
     struct sim_modbus *s = calloc(1, sizeof *s);

@@ -114,8 +114,16 @@ static void close_link(void *self) {
     free(s);
 }
 
-static const struct usb_link_ops OPS = {submit, reap,   cancel,      clear_halt,
-                                        reset,  due_us, descriptors, close_link};
+static const struct usb_link_ops OPS = {
+    .submit = submit,
+    .reap = reap,
+    .cancel = cancel,
+    .clear_halt = clear_halt,
+    .reset = reset,
+    .due_us = due_us,
+    .descriptors = descriptors,
+    .close = close_link,
+};
 
 int sim_usb_link(struct sim_bench *bench, struct usb_link *link, struct err *e) {
     struct sim_usb *s = calloc(1, sizeof *s);

@@ -67,7 +67,8 @@ static void close_modbus(void *self) {
 
 static int open_modbus(void *self, const struct modbus_link_config *link, struct modbus_link *out,
                        struct err *e) {
-    static const struct modbus_link_ops ops = {transact, state_of, close_modbus};
+    static const struct modbus_link_ops ops = {
+        .transact = transact, .state = state_of, .close = close_modbus};
     int result = bench.real.modbus(self, link, &bench.modbus, e);
     *out = bench.modbus;
     out->ops = &ops;
@@ -122,8 +123,16 @@ static void close_usb(void *self) {
 
 static int open_usb(void *self, const char *target, const struct spectrometer_model *model,
                     const char *serial, struct usb_link *out, struct err *e) {
-    static const struct usb_link_ops ops = {submit, reap,       cancel,          clear_halt,
-                                            reset,  usb_due_us, usb_descriptors, close_usb};
+    static const struct usb_link_ops ops = {
+        .submit = submit,
+        .reap = reap,
+        .cancel = cancel,
+        .clear_halt = clear_halt,
+        .reset = reset,
+        .due_us = usb_due_us,
+        .descriptors = usb_descriptors,
+        .close = close_usb,
+    };
     if (bench.usb_gone && is_broken())
         return err_set(e, ERR_LINK, "no spectrometer on the bus");
     int result = bench.real.usb(self, target, model, serial, &bench.usb, e);

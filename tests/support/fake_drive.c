@@ -1,11 +1,18 @@
 #include "tests/support/fake_drive.h"
 
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <cmocka.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
+
+#include "proto/units.h"
 
 #define INPOS_LAG_US 20000
 
-double fake_position(const struct fake_drive *d, int64_t now_us) {
+static double position(const struct fake_drive *d, int64_t now_us) {
     double at = d->to;
     if (now_us < d->start_us)
         at = d->from;
@@ -27,13 +34,13 @@ static uint32_t status(const struct fake_drive *d, int64_t now_us) {
         s |= 0x4000;
     if (!moves && !ahead && !d->alarm && !(d->command & 0x20))
         s |= 0x20;
-    if (fake_position(d, now_us) == 0)
+    if (position(d, now_us) == 0)
         s |= 0x10;
     return s | (d->alarm ? 0x80 : 0);
 }
 
 static void start(struct fake_drive *d, int64_t now_us, double to, double speed) {
-    d->from = fake_position(d, now_us);
+    d->from = position(d, now_us);
     d->to = to - d->short_by;
     d->short_by = 0;
     d->start_us = now_us + 2000;
@@ -41,7 +48,7 @@ static void start(struct fake_drive *d, int64_t now_us, double to, double speed)
 }
 
 static void halt(struct fake_drive *d, int64_t now_us) {
-    d->from = d->to = fake_position(d, now_us);
+    d->from = d->to = position(d, now_us);
     d->start_us = d->end_us = now_us;
 }
 
@@ -85,8 +92,8 @@ static void give(struct fake_drive *d, int64_t now_us, struct modbus_request *rq
     uint16_t image[0x100] = {0};
     put(image + 0x7E, status(d, now_us));
     put(image + 0x80, d->alarm);
-    put(image + 0xC6, (int64_t)fake_position(d, now_us));
-    put(image + 0xCC, (int64_t)fake_position(d, now_us));
+    put(image + 0xC6, (int64_t)position(d, now_us));
+    put(image + 0xCC, (int64_t)position(d, now_us));
     memcpy(rq->regs, image + rq->addr, sizeof *rq->regs * rq->count);
     if (rq->addr != 0x7E)
         return;
@@ -143,8 +150,8 @@ static void close_bus(void *self) {
     (void)self;
 }
 
-void fake_bus_init(struct fake_bus *bus, struct clock *clock, struct modbus_link *link) {
-    static const struct modbus_link_ops OPS = {transact, read_state, close_bus};
+static void init_bus(struct fake_bus *bus, struct clock *clock, struct modbus_link *link) {
+    static const struct modbus_link_ops OPS = {.transact = transact, .state = read_state, .close = close_bus};
     memset(bus, 0, sizeof *bus);
     bus->clock = clock;
     bus->state.connected = true;
@@ -160,4 +167,36 @@ void fake_bus_init(struct fake_bus *bus, struct clock *clock, struct modbus_link
 void fake_disconnect(struct fake_bus *bus, int64_t until_us) {
     bus->state.connected = false;
     bus->state.ready_us = until_us;
+}
+
+int fake_bench_init(struct fake_bench *f) {
+    struct err_list errors = {0};
+    clock_init_virtual(&f->clock);
+    clock_advance(&f->clock, US_PER_S);
+    bench_init(&f->bench, &f->clock);
+    init_bus(&f->bus, &f->clock, &f->link);
+    return profile_load("om-az", &f->profile, &errors);
+}
+
+struct axis_config fake_bench_axis(const struct fake_bench *f, const char *name, int unit) {
+    struct axis_config config = {.kind = AXIS_MOTOR,
+                                 .profile = &f->profile,
+                                 .unit = unit,
+                                 .direction = 1,
+                                 .low_udeg = udeg_from_deg(-70),
+                                 .high_udeg = udeg_from_deg(140),
+                                 .position_valid = true};
+    snprintf(config.name, sizeof config.name, "%s", name);
+    return config;
+}
+
+static bool over(void *axis) {
+    return !axis_busy(axis);
+}
+
+int fake_bench_finish(struct fake_bench *f, struct axis *axis, struct err *e) {
+    int64_t until_us = clock_now_us(&f->clock) + 60 * US_PER_S;
+    assert_int_equal(bench_wait(&f->bench, until_us, over, axis, NULL), BENCH_DONE);
+    err_clear(e);
+    return axis_result(axis, e);
 }

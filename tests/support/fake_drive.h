@@ -11,8 +11,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "drivers/clock.h"
+#include "drivers/axis.h"
+#include "drivers/bench.h"
 #include "drivers/modbus_link.h"
+#include "proto/profile.h"
 
 #define FAKE_UNITS 3
 #define FAKE_WRITES 256
@@ -50,8 +52,20 @@ struct fake_bus {
     int n_writes;
 };
 
-void fake_bus_init(struct fake_bus *bus, struct clock *clock, struct modbus_link *link);
-double fake_position(const struct fake_drive *d, int64_t now_us); /* steps */
 void fake_disconnect(struct fake_bus *bus, int64_t until_us);
+
+struct fake_bench { /* the bus, and what an axis on it needs */
+    struct clock clock;
+    struct bench bench;
+    struct fake_bus bus;
+    struct modbus_link link;
+    struct profile profile; /* om-az */
+};
+
+int fake_bench_init(struct fake_bench *f); /* at 1 s of virtual time */
+struct axis_config fake_bench_axis(const struct fake_bench *f, const char *name,
+                                   int unit); /* -70 .. 140 deg */
+/* Until it is no longer busy, for a minute at most; how its order ended. */
+int fake_bench_finish(struct fake_bench *f, struct axis *axis, struct err *e);
 
 #endif

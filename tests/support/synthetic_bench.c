@@ -19,7 +19,7 @@ static double uniform(struct synthetic *s) {
     return ((double)(next_random(s) >> 11) + 0.5) / 9007199254740992.0;
 }
 
-double synthetic_gauss(struct synthetic *s) {
+static double gauss(struct synthetic *s) {
     if (s->has_gauss) {
         s->has_gauss = false;
         return s->gauss_left;
@@ -70,8 +70,8 @@ double synthetic_sample_beta(const struct synthetic *s, double theta_i_deg, doub
            (1 - 0.1 * sin(theta_i_deg * PI / 180));
 }
 
-double synthetic_reference_beta(const struct synthetic *s, double theta_i_deg, double theta_v_deg,
-                                double lambda_nm) {
+static double reference_beta(const struct synthetic *s, double theta_i_deg, double theta_v_deg,
+                             double lambda_nm) {
     double i = theta_i_deg / 60, v = theta_v_deg / 60;
     return 0.98 + 0.02 * (lambda_nm - 580) / 200 + s->reference_tilt * i * v;
 }
@@ -86,7 +86,7 @@ char *synthetic_certificate(const struct synthetic *s, double u_rel) {
     for (int i = 0; i <= 60; i += 15)
         for (int v = -75; v <= 75; v += 15)
             for (int l = 360; l <= 800; l += 440) {
-                double beta = synthetic_reference_beta(s, i, v, l);
+                double beta = reference_beta(s, i, v, l);
                 fprintf(out, "%d,%.12f,%.12f,%d,%d\n", l, beta, u_rel * beta, i, v);
             }
     fclose(out);
@@ -128,7 +128,7 @@ struct level { /* of one pixel: counts above the offset and their standard devia
 
 static void take_scan(struct synthetic *s, const struct level *level, uint16_t *counts) {
     for (int p = 0; p < PIXELS; p++) {
-        double noise = s->noise ? level[p].u * s->extra_noise * synthetic_gauss(s) : 0;
+        double noise = s->noise ? level[p].u * s->extra_noise * gauss(s) : 0;
         counts[p] = digitise(s, 1200 + level[p].scaled + noise);
     }
 }
@@ -138,7 +138,7 @@ static double beta_in_beam(const struct synthetic *s, enum exposure_kind kind, d
     if (kind == EXPOSURE_SAMPLE)
         return synthetic_sample_beta(s, i_deg, v_deg, lambda_nm);
     bool diffuser = kind == EXPOSURE_REFERENCE || kind == EXPOSURE_OVERLAP;
-    return diffuser ? synthetic_reference_beta(s, i_deg, v_deg, lambda_nm) : 0;
+    return diffuser ? reference_beta(s, i_deg, v_deg, lambda_nm) : 0;
 }
 
 /* Light and thermal dark with its pattern, bent together; shot noise is the light's, reading noise comes after. */
@@ -159,7 +159,7 @@ static void find_levels(const struct synthetic *s, enum exposure_kind kind, doub
 
 void synthetic_wait(struct synthetic *s, double seconds) {
     s->now_us += (int64_t)(seconds * 1e6);
-    s->lamp += s->slope_per_s * seconds + sqrt(s->lamp_rate * seconds) * synthetic_gauss(s);
+    s->lamp += s->slope_per_s * seconds + sqrt(s->lamp_rate * seconds) * gauss(s);
 }
 
 void synthetic_expose(struct synthetic *s, enum exposure_kind kind, double theta_i_deg, double theta_v_deg,

@@ -34,12 +34,9 @@ struct synthetic {
 
 void synthetic_init(struct synthetic *s, uint64_t seed);
 void synthetic_free(struct synthetic *s);
-double synthetic_gauss(struct synthetic *s);
 
 double synthetic_sample_beta(const struct synthetic *s, double theta_i_deg, double theta_v_deg,
                              double lambda_nm);
-double synthetic_reference_beta(const struct synthetic *s, double theta_i_deg, double theta_v_deg,
-                                double lambda_nm);
 /* CSV of a certificate that tells the truth: an in-plane table wide enough for all tests. */
 char *synthetic_certificate(const struct synthetic *s, double u_rel);
 

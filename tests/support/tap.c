@@ -19,6 +19,12 @@
 #define BIT_STOP 0x20    /* 1.5 */
 #define LOOK_MS 20
 
+struct request {
+    int64_t at_us;
+    int unit, function, addr;
+    uint32_t value; /* of the first register written, or of both where two were */
+};
+
 struct tap {
     pthread_t thread;
     pthread_mutex_t lock;
@@ -26,7 +32,7 @@ struct tap {
     atomic_int mute; /* a unit, or TAP_... */
     int listener, port;
     int n;
-    struct tap_request note[NOTES];
+    struct request note[NOTES];
 };
 
 struct stream {
@@ -48,7 +54,7 @@ static int loopback(int port, bool listens) {
 }
 
 static void note(struct tap *t, const uint8_t *adu, size_t size) {
-    struct tap_request r = {.at_us = real_us(), .unit = adu[6], .function = adu[7]};
+    struct request r = {.at_us = real_us(), .unit = adu[6], .function = adu[7]};
     r.addr = adu[8] << 8 | adu[9];
     if (r.function == 6 && size >= 12)
         r.value = (uint32_t)(adu[10] << 8 | adu[11]);
@@ -136,21 +142,11 @@ void tap_mute(struct tap *t, int unit) {
     atomic_store(&t->mute, unit);
 }
 
-int tap_requests(struct tap *t, struct tap_request *to, int max) {
-    pthread_mutex_lock(&t->lock);
-    int total = t->n, kept = total < NOTES ? total : NOTES;
-    int n = kept < max ? kept : max;
-    for (int i = 0; i < n; i++)
-        to[i] = t->note[(total - n + i) % NOTES];
-    pthread_mutex_unlock(&t->lock);
-    return n;
-}
-
 int64_t tap_stop_us(struct tap *t, int unit, int64_t since_us) {
     int64_t at_us = -1;
     pthread_mutex_lock(&t->lock);
     for (int i = 0; i < t->n && i < NOTES && at_us < 0; i++) {
-        const struct tap_request *r = &t->note[i];
+        const struct request *r = &t->note[i];
         bool writes = r->function == 6 || r->function == 16;
         if (writes && r->unit == unit && r->at_us >= since_us && (r->addr | 1) == (REG_COMMAND | 1) &&
             r->value & BIT_STOP)

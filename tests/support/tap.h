@@ -12,20 +12,12 @@
 
 struct tap;
 
-struct tap_request {
-    int64_t at_us;
-    int unit, function, addr;
-    uint32_t value; /* of the first register written, or of both where two were */
-};
-
 /* target: "tcp:HOST:PORT"; link: room for the tap's own. */
 struct tap *tap_open(const char *target, char link[96]);
 void tap_close(struct tap *t);
 #define TAP_NOBODY 0
 #define TAP_EVERYBODY (-1)
 void tap_mute(struct tap *t, int unit); /* whose replies are swallowed from now on */
-/* Requests noted since tap_open; at most max are copied, the newest. */
-int tap_requests(struct tap *t, struct tap_request *to, int max);
 /* The longest time without a request between these two times. */
 int64_t tap_silence_us(struct tap *t, int64_t from_us, int64_t to_us);
 /* The first stop order (om-az: bit 5 of the command word at 7Ch) to this unit at or after since_us; -1: none. */

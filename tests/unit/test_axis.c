@@ -13,11 +13,7 @@
 
 #define DEG(x) ((int32_t)((x)*UDEG_PER_DEG))
 
-static struct clock clock_;
-static struct bench bench;
-static struct fake_bus bus;
-static struct modbus_link link_;
-static struct profile profile;
+static struct fake_bench fake;
 static struct axis *axis;
 static struct axis_config config;
 static struct axis_status status;
@@ -25,24 +21,10 @@ static struct err err;
 
 static int setup(void **state) {
     (void)state;
-    struct err_list errors = {0};
-    clock_init_virtual(&clock_);
-    clock_advance(&clock_, 1000000);
-    bench_init(&bench, &clock_);
-    fake_bus_init(&bus, &clock_, &link_);
-    if (profile_load("om-az", &profile, &errors))
-        return -1;
-    config = (struct axis_config){.name = "source",
-                                  .kind = AXIS_MOTOR,
-                                  .profile = &profile,
-                                  .unit = 1,
-                                  .direction = 1,
-                                  .low_udeg = DEG(-70),
-                                  .high_udeg = DEG(140),
-                                  .position_valid = true};
     err_clear(&err);
     axis = NULL;
-    return 0;
+    config = fake_bench_axis(&fake, "source", 1);
+    return fake_bench_init(&fake);
 }
 
 static int teardown(void **state) {
@@ -52,12 +34,8 @@ static int teardown(void **state) {
 }
 
 static void open_axis(void) {
-    if (axis_open(&axis, &config, &link_, &bench, &err))
+    if (axis_open(&axis, &config, &fake.link, &fake.bench, &err))
         fail_msg("%s", err.text);
-}
-
-static bool over(void *arg) {
-    return !axis_busy(arg);
 }
 
 static void look(void) {
@@ -65,10 +43,9 @@ static void look(void) {
 }
 
 static int finish(void) {
-    assert_int_equal(bench_wait(&bench, clock_now_us(&clock_) + 60 * US_PER_S, over, axis, NULL), BENCH_DONE);
+    int result = fake_bench_finish(&fake, axis, &err);
     look();
-    err_clear(&err);
-    return axis_result(axis, &err);
+    return result;
 }
 
 static int go(double deg) {
@@ -78,14 +55,14 @@ static int go(double deg) {
 }
 
 static void pass(int64_t us) {
-    assert_int_equal(bench_wait(&bench, clock_now_us(&clock_) + us, NULL, NULL, NULL), BENCH_UNTIL);
+    assert_int_equal(bench_wait(&fake.bench, clock_now_us(&fake.clock) + us, NULL, NULL, NULL), BENCH_UNTIL);
     look();
 }
 
 static const struct fake_write *last_order(void) {
-    for (int i = bus.n_writes - 1; i >= 0; i--)
-        if (bus.write[i].addr == 0x58)
-            return &bus.write[i];
+    for (int i = fake.bus.n_writes - 1; i >= 0; i--)
+        if (fake.bus.write[i].addr == 0x58)
+            return &fake.bus.write[i];
     fail_msg("no move was ordered");
     return NULL;
 }
@@ -100,8 +77,8 @@ static void a_move_arrives_and_settles(void **state) {
     assert_int_equal(go(30), 0);
     assert_int_equal(status.phase, AXIS_IDLE);
     assert_int_equal(status.position_udeg, DEG(30));
-    assert_true(status.settled_us <= clock_now_us(&clock_));
-    assert_int_equal(bus.drive[0].orders, 1);
+    assert_true(status.settled_us <= clock_now_us(&fake.clock));
+    assert_int_equal(fake.bus.drive[0].orders, 1);
     assert_int_equal(ordered_steps(last_order()), 3000);
     /* 1.5 s of uniform motion, in position 20 ms later, then settled for the settle time */
     int64_t took = status.settled_us - status.move_start_us;
@@ -113,7 +90,7 @@ static void arrival_needs_acceptance(void **state) {
     (void)state;
     open_axis();
     assert_int_equal(axis_begin_move(axis, DEG(10), &err), 0);
-    for (int i = 0; i < 100 && bus.drive[0].orders == 0; i++)
+    for (int i = 0; i < 100 && fake.bus.drive[0].orders == 0; i++)
         pass(1000);
     pass(1000);
     assert_true(axis_busy(axis));
@@ -125,18 +102,18 @@ static void every_position_is_reached_from_below(void **state) {
     (void)state;
     open_axis();
     go(30);
-    int before = bus.drive[0].orders;
+    int before = fake.bus.drive[0].orders;
     assert_int_equal(go(20), 0);
-    assert_int_equal(bus.drive[0].orders - before, 2);
+    assert_int_equal(fake.bus.drive[0].orders - before, 2);
     assert_int_equal(ordered_steps(last_order()), 2000);
-    int second = bus.n_writes - 1;
-    while (bus.write[second].addr != 0x58 || ordered_steps(&bus.write[second]) == 2000)
+    int second = fake.bus.n_writes - 1;
+    while (fake.bus.write[second].addr != 0x58 || ordered_steps(&fake.bus.write[second]) == 2000)
         second--;
-    assert_int_equal(ordered_steps(&bus.write[second]), 1990); /* backlash_deg below */
+    assert_int_equal(ordered_steps(&fake.bus.write[second]), 1990); /* backlash_deg below */
     assert_false(status.other_side);
-    before = bus.drive[0].orders;
+    before = fake.bus.drive[0].orders;
     assert_int_equal(go(20.05), 0); /* a short way onward needs no second leg */
-    assert_int_equal(bus.drive[0].orders - before, 1);
+    assert_int_equal(fake.bus.drive[0].orders - before, 1);
 }
 
 static void at_the_limit_it_comes_from_the_other_side_and_says_so(void **state) {
@@ -155,11 +132,11 @@ static void standing_there_already_costs_nothing(void **state) {
     (void)state;
     open_axis();
     go(30);
-    int before = bus.drive[0].orders;
-    int64_t settled = status.settled_us, now = clock_now_us(&clock_);
+    int before = fake.bus.drive[0].orders;
+    int64_t settled = status.settled_us, now = clock_now_us(&fake.clock);
     assert_int_equal(go(30), 0);
-    assert_true(clock_now_us(&clock_) == now);
-    assert_int_equal(bus.drive[0].orders, before);
+    assert_true(clock_now_us(&fake.clock) == now);
+    assert_int_equal(fake.bus.drive[0].orders, before);
     assert_true(status.settled_us == settled);
 }
 
@@ -171,7 +148,7 @@ static void limits_and_unknown_positions_refuse(void **state) {
     assert_non_null(strstr(err.text, "140"));
     assert_int_equal(go(10), -ERR_STATE);
     assert_non_null(strstr(err.text, "home"));
-    assert_int_equal(bus.drive[0].orders, 0);
+    assert_int_equal(fake.bus.drive[0].orders, 0);
     err_clear(&err);
     assert_int_equal(axis_begin_home(axis, &err), 0);
     assert_int_equal(finish(), 0);
@@ -201,10 +178,10 @@ static void a_new_order_while_busy_is_refused(void **state) {
 static void an_ignored_order_is_sent_again(void **state) {
     (void)state;
     open_axis();
-    bus.drive[0].ignore_orders = 1;
+    fake.bus.drive[0].ignore_orders = 1;
     assert_int_equal(go(10), 0);
-    assert_int_equal(bus.drive[0].orders, 2);
-    bus.drive[0].ignore_orders = 9;
+    assert_int_equal(fake.bus.drive[0].orders, 2);
+    fake.bus.drive[0].ignore_orders = 9;
     assert_int_equal(go(20), -ERR_DEVICE);
     assert_non_null(strstr(err.text, "does not take"));
     assert_int_equal(status.phase, AXIS_FAULT);
@@ -214,37 +191,37 @@ static void a_lost_reply_is_settled_by_reading(void **state) {
     (void)state;
     open_axis();
     go(5);
-    bus.lose_write_replies = 1; /* the drive has taken the order */
+    fake.bus.lose_write_replies = 1; /* the drive has taken the order */
     assert_int_equal(go(15), 0);
-    assert_int_equal(bus.drive[0].orders, 2);
-    bus.lose_write_replies = 1;
-    bus.drive[0].ignore_orders = 1; /* it has not */
+    assert_int_equal(fake.bus.drive[0].orders, 2);
+    fake.bus.lose_write_replies = 1;
+    fake.bus.drive[0].ignore_orders = 1; /* it has not */
     assert_int_equal(go(25), 0);
-    assert_int_equal(bus.drive[0].orders, 4);
+    assert_int_equal(fake.bus.drive[0].orders, 4);
 }
 
 static void a_miss_is_retried_with_the_whole_approach(void **state) {
     (void)state;
     open_axis();
-    bus.drive[0].short_by = 20;
+    fake.bus.drive[0].short_by = 20;
     assert_int_equal(go(10), 0);
     assert_int_equal(status.retries, 1);
-    assert_int_equal(bus.drive[0].orders, 3);
+    assert_int_equal(fake.bus.drive[0].orders, 3);
     assert_int_equal(status.position_udeg, DEG(10));
 }
 
 static void a_stuck_motor_is_a_fault_and_is_stopped(void **state) {
     (void)state;
     open_axis();
-    bus.drive[0].stuck_at = 500;
-    int64_t before = clock_now_us(&clock_);
+    fake.bus.drive[0].stuck_at = 500;
+    int64_t before = clock_now_us(&fake.clock);
     assert_int_equal(go(30), -ERR_DEVICE);
     assert_non_null(strstr(err.text, "does not move any further"));
-    assert_true(clock_now_us(&clock_) - before < 3 * US_PER_S);
-    assert_int_equal(bus.drive[0].stops, 1);
+    assert_true(clock_now_us(&fake.clock) - before < 3 * US_PER_S);
+    assert_int_equal(fake.bus.drive[0].stops, 1);
     assert_true(status.stop_confirmed);
     assert_int_equal(status.phase, AXIS_FAULT);
-    bus.drive[0].stuck_at = __builtin_nan("");
+    fake.bus.drive[0].stuck_at = __builtin_nan("");
     assert_int_equal(go(30), 0);
     assert_int_equal(status.phase, AXIS_IDLE);
 }
@@ -254,7 +231,7 @@ static void an_alarm_ends_the_move_with_code_text_and_position(void **state) {
     open_axis();
     assert_int_equal(axis_begin_move(axis, DEG(60), &err), 0);
     pass(US_PER_S);
-    bus.drive[0].alarm = 0x30;
+    fake.bus.drive[0].alarm = 0x30;
     assert_int_equal(finish(), -ERR_DEVICE);
     assert_non_null(strstr(err.text, "30h"));
     assert_non_null(strstr(err.text, "overload"));
@@ -272,7 +249,7 @@ static void an_alarm_ends_the_move_with_code_text_and_position(void **state) {
 static void alarm_4a_revokes_the_position(void **state) {
     (void)state;
     open_axis();
-    bus.drive[0].alarm = 0x4A;
+    fake.bus.drive[0].alarm = 0x4A;
     pass(US_PER_S);
     assert_false(status.valid);
     axis_reset_alarm(axis, &err);
@@ -286,13 +263,13 @@ static void a_stop_ends_the_order_at_once(void **state) {
     assert_int_equal(axis_begin_move(axis, DEG(60), &err), 0);
     pass(US_PER_S);
     axis_order_stop(axis);
-    assert_int_equal(bus.drive[0].stops, 1);
-    assert_true(bus.write[bus.n_writes - 1].urgent);
+    assert_int_equal(fake.bus.drive[0].stops, 1);
+    assert_true(fake.bus.write[fake.bus.n_writes - 1].urgent);
     look();
     assert_false(status.stop_confirmed);
     assert_int_equal(finish(), -ERR_CANCELLED);
     assert_true(status.stop_confirmed && axis_stands(axis));
-    assert_int_equal(bus.drive[0].command, 0); /* not left latched */
+    assert_int_equal(fake.bus.drive[0].command, 0); /* not left latched */
     assert_int_equal(go(10), 0);
 }
 
@@ -301,17 +278,17 @@ static void a_stop_while_disconnected_is_sent_at_the_reconnect(void **state) {
     open_axis();
     assert_int_equal(axis_begin_move(axis, DEG(130), &err), 0);
     pass(US_PER_S);
-    fake_disconnect(&bus, clock_now_us(&clock_) + 2 * US_PER_S);
+    fake_disconnect(&fake.bus, clock_now_us(&fake.clock) + 2 * US_PER_S);
     pass(US_PER_S);
     assert_false(status.connected || status.valid || status.stop_confirmed);
-    int connects = bus.connects;
+    int connects = fake.bus.connects;
     axis_order_stop(axis);
-    assert_int_equal(bus.connects, connects + 1); /* one attempt, at once */
+    assert_int_equal(fake.bus.connects, connects + 1); /* one attempt, at once */
     look();
     assert_false(status.stop_confirmed);
-    assert_int_equal(bus.drive[0].stops, 0);
+    assert_int_equal(fake.bus.drive[0].stops, 0);
     pass(1500000);
-    assert_int_equal(bus.drive[0].stops, 1);
+    assert_int_equal(fake.bus.drive[0].stops, 1);
     assert_true(status.stop_confirmed && status.connected);
 }
 
@@ -320,15 +297,15 @@ static void a_link_lost_in_a_move_ends_it_and_stops_once(void **state) {
     open_axis();
     assert_int_equal(axis_begin_move(axis, DEG(130), &err), 0);
     pass(US_PER_S);
-    fake_disconnect(&bus, clock_now_us(&clock_) + 3 * US_PER_S);
+    fake_disconnect(&fake.bus, clock_now_us(&fake.clock) + 3 * US_PER_S);
     pass(US_PER_S);
     assert_int_equal(axis_result(axis, &err), -ERR_LINK);
     assert_non_null(strstr(err.text, "during a move"));
     pass(4 * US_PER_S);
-    assert_int_equal(bus.drive[0].stops, 1);
+    assert_int_equal(fake.bus.drive[0].stops, 1);
     assert_true(status.connected && status.stop_confirmed);
     assert_int_equal(status.phase, AXIS_FAULT);
-    assert_int_equal(bus.drive[0].orders, 1); /* nothing resumes by itself */
+    assert_int_equal(fake.bus.drive[0].orders, 1); /* nothing resumes by itself */
     assert_int_equal(go(20), 0);
 }
 
@@ -337,7 +314,7 @@ static void one_lost_reply_does_not_end_a_move(void **state) {
     open_axis();
     assert_int_equal(axis_begin_move(axis, DEG(60), &err), 0);
     pass(US_PER_S);
-    bus.lose_replies = 2;
+    fake.bus.lose_replies = 2;
     assert_int_equal(finish(), 0);
     assert_int_equal(status.position_udeg, DEG(60));
 }
@@ -349,15 +326,15 @@ static void a_mute_unit_is_told_apart_and_does_not_starve_the_other(void **state
     struct axis_config second = config;
     strcpy(second.name, "sample");
     second.unit = 2;
-    assert_int_equal(axis_open(&sample, &second, &link_, &bench, &err), 0);
-    bus.drive[0].mute = true;
+    assert_int_equal(axis_open(&sample, &second, &fake.link, &fake.bench, &err), 0);
+    fake.bus.drive[0].mute = true;
     pass(20 * US_PER_S);
     assert_false(status.connected);
-    bus.drive[1].longest_gap_us = 0;
+    fake.bus.drive[1].longest_gap_us = 0;
     pass(20 * US_PER_S);
-    assert_true(bus.drive[1].longest_gap_us <= 600000); /* quarantine plus a poll interval */
+    assert_true(fake.bus.drive[1].longest_gap_us <= 600000); /* quarantine plus a poll interval */
     assert_int_equal(axis_begin_move(axis, DEG(1), &err), -ERR_LINK);
-    bus.drive[0].mute = false;
+    fake.bus.drive[0].mute = false;
     pass(12 * US_PER_S);
     assert_true(status.connected);
     axis_close(sample);
@@ -367,8 +344,8 @@ static void polls_feed_the_watchdog(void **state) {
     (void)state;
     open_axis();
     pass(10 * US_PER_S);
-    assert_in_range(bus.drive[0].longest_gap_us, 1, 250000);
-    assert_in_range(bus.drive[0].polls, 40, 60);
+    assert_in_range(fake.bus.drive[0].longest_gap_us, 1, 250000);
+    assert_in_range(fake.bus.drive[0].polls, 40, 60);
 }
 
 static void a_hand_that_turns_the_axis_unsettles_it(void **state) {
@@ -376,8 +353,8 @@ static void a_hand_that_turns_the_axis_unsettles_it(void **state) {
     open_axis();
     go(30);
     pass(US_PER_S);
-    int64_t settled = status.settled_us, turned_us = clock_now_us(&clock_);
-    bus.drive[0].from = bus.drive[0].to = 3100;
+    int64_t settled = status.settled_us, turned_us = clock_now_us(&fake.clock);
+    fake.bus.drive[0].from = fake.bus.drive[0].to = 3100;
     pass(260000);
     assert_true(status.settled_us == CLOCK_NEVER);
     pass(US_PER_S);
@@ -393,21 +370,21 @@ static void an_axis_nobody_moves_settles_where_it_stands(void **state) {
     look();
     assert_true(status.settled_us == CLOCK_NEVER);
     pass(US_PER_S);
-    assert_true(status.settled_us < clock_now_us(&clock_));
-    int orders = bus.drive[0].orders;
+    assert_true(status.settled_us < clock_now_us(&fake.clock));
+    int orders = fake.bus.drive[0].orders;
     assert_int_equal(go(0), 0); /* from which side it came there is not known */
-    assert_int_equal(bus.drive[0].orders, orders + 2);
+    assert_int_equal(fake.bus.drive[0].orders, orders + 2);
 }
 
 static void a_missing_unit_and_an_alarm_are_said_at_opening(void **state) {
     (void)state;
-    bus.drive[0].mute = true;
-    assert_int_equal(axis_open(&axis, &config, &link_, &bench, &err), -ERR_TIMEOUT);
+    fake.bus.drive[0].mute = true;
+    assert_int_equal(axis_open(&axis, &config, &fake.link, &fake.bench, &err), -ERR_TIMEOUT);
     assert_non_null(strstr(err.text, "unit number"));
     assert_null(axis);
     err_clear(&err);
-    bus.drive[0].mute = false;
-    bus.drive[0].alarm = 0x85;
+    fake.bus.drive[0].mute = false;
+    fake.bus.drive[0].alarm = 0x85;
     open_axis();
     look();
     assert_int_equal(status.phase, AXIS_FAULT);
@@ -447,10 +424,11 @@ static void the_time_model_is_the_drivers(void **state) {
     (void)state;
     /* 20 deg/s, 40 deg/s^2: 5 deg is a triangle of 2 sqrt(5/40) s, 40 deg a trapezoid of 2.5 s */
     int64_t settle = 150000;
-    assert_int_equal(axis_move_time_us(&profile, DEG(5)), 707107 + settle);
-    assert_int_equal(axis_move_time_us(&profile, DEG(40)), 2500000 + settle);
-    assert_int_equal(axis_move_time_us(&profile, 0), 0);
-    assert_true(axis_move_time_us(&profile, DEG(-5)) > axis_move_time_us(&profile, DEG(5)) + 100000);
+    assert_int_equal(axis_move_time_us(&fake.profile, DEG(5)), 707107 + settle);
+    assert_int_equal(axis_move_time_us(&fake.profile, DEG(40)), 2500000 + settle);
+    assert_int_equal(axis_move_time_us(&fake.profile, 0), 0);
+    assert_true(axis_move_time_us(&fake.profile, DEG(-5)) >
+                axis_move_time_us(&fake.profile, DEG(5)) + 100000);
 }
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)

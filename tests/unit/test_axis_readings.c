@@ -11,25 +11,16 @@
 #include "proto/units.h"
 #include "tests/support/fake_drive.h"
 
-static struct clock clock_;
-static struct bench bench;
-static struct fake_bus bus;
-static struct modbus_link link_;
-static struct profile profile;
+static struct fake_bench fake;
 static struct axis *axis;
 static struct axis_status status;
 static struct err err;
 
 static int setup(void **state) {
     (void)state;
-    struct err_list errors = {0};
-    clock_init_virtual(&clock_);
-    clock_advance(&clock_, 1000000);
-    bench_init(&bench, &clock_);
-    fake_bus_init(&bus, &clock_, &link_);
     err_clear(&err);
     axis = NULL;
-    return profile_load("om-az", &profile, &errors);
+    return fake_bench_init(&fake);
 }
 
 static int teardown(void **state) {
@@ -39,50 +30,36 @@ static int teardown(void **state) {
 }
 
 static void open_axis(void) {
-    const struct axis_config config = {.name = "source",
-                                       .kind = AXIS_MOTOR,
-                                       .profile = &profile,
-                                       .unit = 1,
-                                       .direction = 1,
-                                       .low_udeg = udeg_from_deg(-70),
-                                       .high_udeg = udeg_from_deg(140),
-                                       .position_valid = true};
-    if (axis_open(&axis, &config, &link_, &bench, &err))
+    const struct axis_config config = fake_bench_axis(&fake, "source", 1);
+    if (axis_open(&axis, &config, &fake.link, &fake.bench, &err))
         fail_msg("%s", err.text);
-}
-
-static bool over(void *arg) {
-    return !axis_busy(arg);
 }
 
 static int go(double deg) {
     int result = axis_begin_move(axis, udeg_from_deg(deg), &err);
-    if (result)
-        return result;
-    assert_int_equal(bench_wait(&bench, clock_now_us(&clock_) + 60 * US_PER_S, over, axis, NULL), BENCH_DONE);
-    return axis_result(axis, &err);
+    return result ? result : fake_bench_finish(&fake, axis, &err);
 }
 
 /* 4294.97 deg is a whole turn of a 32-bit count of microdegrees: it must not read as 0. */
 static void a_reading_far_outside_does_not_wrap_into_the_limits(void **state) {
     (void)state;
-    bus.drive[0].from = bus.drive[0].to = 429497;
+    fake.bus.drive[0].from = fake.bus.drive[0].to = 429497;
     open_axis();
     axis_status(axis, &status);
     assert_true(status.position_udeg > udeg_from_deg(1000));
     assert_int_equal(go(10), -ERR_STATE);
     assert_non_null(strstr(err.text, "outside its limits"));
-    assert_int_equal(bus.drive[0].orders, 0);
+    assert_int_equal(fake.bus.drive[0].orders, 0);
 }
 
 /* A map whose status bits lie apart, each needing a frame of its own. */
 static void every_scattered_register_is_read(void **state) {
     (void)state;
     for (int i = 0; i < 10; i++) {
-        struct profile_reg *reg = &profile.reg[profile.n_regs];
+        struct profile_reg *reg = &fake.profile.reg[fake.profile.n_regs];
         *reg = (struct profile_reg){.name = "extra", .addr = 0x10 + 3 * i, .type = PROFILE_U16};
-        struct profile_bit *bit = &profile.bit[profile.n_bits++];
-        *bit = (struct profile_bit){.name = "extra", .reg = profile.n_regs++, .mask = 1, .is = 1};
+        struct profile_bit *bit = &fake.profile.bit[fake.profile.n_bits++];
+        *bit = (struct profile_bit){.name = "extra", .reg = fake.profile.n_regs++, .mask = 1, .is = 1};
     }
     open_axis();
     assert_int_equal(go(10), 0);

@@ -13,11 +13,7 @@
 
 #define DEG(x) ((int32_t)((x)*UDEG_PER_DEG))
 
-static struct clock clock_;
-static struct bench bench;
-static struct fake_bus bus;
-static struct modbus_link link_;
-static struct profile profile;
+static struct fake_bench fake;
 static struct stage stage;
 static struct stage_reading reading;
 static struct err err;
@@ -25,25 +21,13 @@ static struct err err;
 static int setup(void **state) {
     (void)state;
     static const char *const NAMES[] = {"source", "sample", "holder"};
-    struct err_list errors = {0};
     err_clear(&err);
-    clock_init_virtual(&clock_);
-    clock_advance(&clock_, 1000000);
-    bench_init(&bench, &clock_);
-    fake_bus_init(&bus, &clock_, &link_);
-    stage = (struct stage){.bench = &bench};
-    if (profile_load("om-az", &profile, &errors))
+    stage = (struct stage){.bench = &fake.bench};
+    if (fake_bench_init(&fake))
         return -1;
     for (int i = 0; i < STAGE_AXES; i++) {
-        struct axis_config c = {.kind = AXIS_MOTOR,
-                                .profile = &profile,
-                                .unit = i + 1,
-                                .direction = 1,
-                                .low_udeg = DEG(-70),
-                                .high_udeg = DEG(140),
-                                .position_valid = true};
-        snprintf(c.name, sizeof c.name, "%s", NAMES[i]);
-        if (axis_open(&stage.axis[i], &c, &link_, &bench, &err))
+        struct axis_config c = fake_bench_axis(&fake, NAMES[i], i + 1);
+        if (axis_open(&stage.axis[i], &c, &fake.link, &fake.bench, &err))
             return -1;
     }
     return 0;
@@ -68,22 +52,23 @@ static int move(double source, double sample) {
 
 static void axes_move_at_the_same_time(void **state) {
     (void)state;
-    int64_t before = clock_now_us(&clock_);
+    int64_t before = clock_now_us(&fake.clock);
     assert_int_equal(move(40, 40), 0);
-    int64_t took = clock_now_us(&clock_) - before;
+    int64_t took = clock_now_us(&fake.clock) - before;
     assert_in_range(took, 2 * US_PER_S, 2400000); /* 40 deg at 20 deg/s, once */
     assert_int_equal(reading.udeg[STAGE_SOURCE], DEG(40));
     assert_int_equal(reading.udeg[STAGE_SAMPLE], DEG(40));
-    assert_int_equal(bus.drive[STAGE_HOLDER].orders, 0);
-    assert_true(reading.settled_us <= clock_now_us(&clock_)); /* with the holder, which stood all the time */
-    assert_true(reading.read_us <= clock_now_us(&clock_));
+    assert_int_equal(fake.bus.drive[STAGE_HOLDER].orders, 0);
+    assert_true(reading.settled_us <=
+                clock_now_us(&fake.clock)); /* with the holder, which stood all the time */
+    assert_true(reading.read_us <= clock_now_us(&fake.clock));
 }
 
 static void nothing_starts_when_one_target_is_out_of_reach(void **state) {
     (void)state;
     assert_int_equal(move(40, 150), -ERR_RANGE);
     assert_non_null(strstr(err.text, "sample"));
-    assert_int_equal(bus.drive[0].orders + bus.drive[1].orders, 0);
+    assert_int_equal(fake.bus.drive[0].orders + fake.bus.drive[1].orders, 0);
 }
 
 /* forbidden: source 50..60 while sample is in 20..30 */
@@ -119,17 +104,17 @@ static void a_refused_way_starts_nothing(void **state) {
     (void)state;
     add_zone();
     assert_int_equal(move(40, 25), 0);
-    int before = bus.drive[0].orders;
+    int before = fake.bus.drive[0].orders;
     assert_int_equal(move(100, 25), -ERR_RANGE);
-    assert_int_equal(bus.drive[0].orders, before);
+    assert_int_equal(fake.bus.drive[0].orders, before);
 }
 
 static void one_fault_stops_the_other_axis(void **state) {
     (void)state;
-    bus.drive[0].stuck_at = 300;
+    fake.bus.drive[0].stuck_at = 300;
     assert_int_equal(move(100, 100), -ERR_DEVICE);
     assert_non_null(strstr(err.text, "source"));
-    assert_int_equal(bus.drive[1].stops, 1);
+    assert_int_equal(fake.bus.drive[1].stops, 1);
     assert_true(stage_standstill(&stage));
 }
 
@@ -149,32 +134,33 @@ static void a_cancel_stops_all_axes(void **state) {
     (void)state;
     struct bench_service s = {.name = "abort", .self = &cancel, .due_us = soon, .run = raise_cancel};
     struct stage_target t = to(100, 100);
-    bench_add(&bench, &s);
+    bench_add(&fake.bench, &s);
     assert_int_equal(stage_move(&stage, &t, &cancel, &reading, &err), -ERR_CANCELLED);
-    bench_remove(&bench, &cancel);
-    assert_int_equal(bus.drive[0].stops, 1);
-    assert_int_equal(bus.drive[1].stops, 1);
-    assert_int_equal(bench_wait(&bench, clock_now_us(&clock_) + US_PER_S, stage_standstill, &stage, NULL),
-                     BENCH_DONE);
+    bench_remove(&fake.bench, &cancel);
+    assert_int_equal(fake.bus.drive[0].stops, 1);
+    assert_int_equal(fake.bus.drive[1].stops, 1);
+    assert_int_equal(
+        bench_wait(&fake.bench, clock_now_us(&fake.clock) + US_PER_S, stage_standstill, &stage, NULL),
+        BENCH_DONE);
     atomic_store(&cancel.raised, false);
 }
 
 static void stop_orders_go_to_answering_axes_first(void **state) {
     (void)state;
-    bus.drive[0].mute = true;
-    bench_wait(&bench, clock_now_us(&clock_) + 5 * US_PER_S, NULL, NULL, NULL);
-    int before = bus.n_writes;
+    fake.bus.drive[0].mute = true;
+    bench_wait(&fake.bench, clock_now_us(&fake.clock) + 5 * US_PER_S, NULL, NULL, NULL);
+    int before = fake.bus.n_writes;
     stage_order_stop(&stage);
-    assert_int_equal(bus.write[before].unit, 2);
-    assert_int_equal(bus.write[before + 1].unit, 3);
+    assert_int_equal(fake.bus.write[before].unit, 2);
+    assert_int_equal(fake.bus.write[before + 1].unit, 3);
     assert_false(stage_standstill(&stage));
-    bench_wait(&bench, clock_now_us(&clock_) + US_PER_S, NULL, NULL, NULL);
+    bench_wait(&fake.bench, clock_now_us(&fake.clock) + US_PER_S, NULL, NULL, NULL);
     assert_false(stage_standstill(&stage)); /* the mute one has not been seen to stand */
-    bus.drive[0].mute = false;
+    fake.bus.drive[0].mute = false;
     assert_int_equal(
-        bench_wait(&bench, clock_now_us(&clock_) + 15 * US_PER_S, stage_standstill, &stage, NULL),
+        bench_wait(&fake.bench, clock_now_us(&fake.clock) + 15 * US_PER_S, stage_standstill, &stage, NULL),
         BENCH_DONE);
-    assert_int_equal(bus.drive[0].stops, 1);
+    assert_int_equal(fake.bus.drive[0].stops, 1);
 }
 
 static void homing_one_axis(void **state) {
