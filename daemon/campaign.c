@@ -123,10 +123,8 @@ static int decide(struct campaign *c, int code, int *repeats, struct err *why) {
     c->spectrometer_suspect = false;
     if ((passes_by_itself(code) || opened_anew) && ++*repeats <= CAMPAIGN_REPEATS)
         return 0;
-    char text[256];
-    snprintf(text, sizeof text, "%.200s", why->text);
-    int result =
-        campaign_hold(c, text, false, passes_by_itself(code) ? CAMPAIGN_RETRY_S * US_PER_S : 0, &ignored);
+    int result = campaign_hold(c, why->text, false, passes_by_itself(code) ? CAMPAIGN_RETRY_S * US_PER_S : 0,
+                               &ignored);
     if (result == 0 &&
         needs_a_person(code)) { /* "continue" is that person's word; the step says what came of it */
         stage_reset_alarms(&c->instruments.stage, &c->cancel, &ignored);
@@ -140,6 +138,7 @@ static int run_steps(struct campaign *c, struct err *e) {
     for (int k; (k = campaign_next_step(c)) >= 0;) {
         struct err failed = {0};
         c->step = k;
+        c->step_since_us = clock_now_us(c->clock);
         int result = c->want.pause ? campaign_pause(c, &failed) : 0;
         if (result == 0 && !campaign_must_end(c))
             result = do_step(c, k, &failed);

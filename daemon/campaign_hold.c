@@ -58,17 +58,37 @@ int campaign_pause(struct campaign *c, struct err *e) {
     return after_wait(c, since_us, "pause", e);
 }
 
+#define TEXT_OF(number) #number
+#define RETRY_TEXT(s) TEXT_OF(s)
+
+/* For a person who comes to a campaign that waits: what it does by itself, and what it waits for. */
+static const char *what_follows(bool planned, bool person) {
+    if (planned)
+        return "Then: gonioctl continue";
+    if (person)
+        return "When that is put right: gonioctl continue, which resets alarms, homes an axis that has lost "
+               "its "
+               "position, and takes the step again";
+    return "goniod tries again every " RETRY_TEXT(
+        CAMPAIGN_RETRY_S) " s and goes on by itself when that works; "
+                          "gonioctl continue tries at once";
+}
+
 static void begin_hold(struct campaign *c, const char *text, bool planned, bool person) {
     bool lasts =
         !planned && !c->hold.planned && !person && !c->hold.person && c->hold.since_us > c->last_done_us;
-    c->hold = (struct campaign_hold){
-        .active = true, .planned = planned, .person = person, .since_us = clock_now_us(c->clock)};
+    c->hold = (struct campaign_hold){.active = true,
+                                     .planned = planned,
+                                     .person = person,
+                                     .next = what_follows(planned, person),
+                                     .since_us = clock_now_us(c->clock)};
     snprintf(c->hold.text, sizeof c->hold.text, "%s", text);
     campaign_set_state(c, CAMPAIGN_HELD);
     if (lasts)
         return; /* the same condition, tried again: said once */
     json_t *event = json_pack("{s:s, s:b}", "text", text, "planned", planned);
     campaign_store_event(c, "hold", json_incref(event));
+    json_object_set_new(event, "next", json_string(c->hold.next));
     campaign_notify(c, "hold", event);
     campaign_event(c, "hold", false, event);
 }

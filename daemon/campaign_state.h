@@ -88,6 +88,7 @@ struct campaign_requests { /* raised by orders, cleared by whoever obeys */
 struct campaign_hold {
     bool active, planned, person; /* person: nothing but a person's word ends it */
     char text[256];
+    const char *next; /* what follows: a sentence */
     int64_t since_us; /* of the bench's clock */
 };
 
@@ -125,7 +126,7 @@ struct campaign {
     int64_t last_done_us; /* when the last step succeeded: a hold that retries is as old as that */
     int n_done, step;     /* step: the one at hand, -1 = none */
     int64_t offset_us, started_us;
-    int64_t estimate_done_us;
+    int64_t estimate_done_us, step_since_us;
     struct measured measured[JOB_SAMPLES];
 
     int bracket, plan_bracket,

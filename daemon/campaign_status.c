@@ -70,11 +70,20 @@ static json_t *points_json(const struct campaign *c) {
     return json_pack("{s:i, s:i, s:i}", "done", done, "total", c->plan->n_points, "provisional", provisional);
 }
 
+/* Of the step at hand, at most what the plan allows for it: a warm-up or a test of linearity takes many minutes. */
+static int64_t under_way_us(const struct campaign *c) {
+    if (c->step < 0 || c->done[c->step] || campaign_state_is_rest(c->state))
+        return 0;
+    int64_t since_us = clock_now_us(c->clock) - c->step_since_us;
+    return since_us < c->plan->step[c->step].estimate_us ? since_us : c->plan->step[c->step].estimate_us;
+}
+
 /* What is left is the plan's estimate, stretched by how it has fared so far. */
 static void set_progress(const struct campaign *c, json_t *all) {
     if (!c->plan || !c->done)
         return;
-    double total = fmax((double)c->plan->estimate_us, 1), done = (double)c->estimate_done_us;
+    double total = fmax((double)c->plan->estimate_us, 1),
+           done = (double)(c->estimate_done_us + under_way_us(c));
     double elapsed = (double)(clock_now_us(c->clock) - c->started_us);
     double stretch = done > 0.05 * total ? fmin(fmax(elapsed / done, 0.5), 3) : 1;
     double left_s = fmax(total - done, 0) / US_PER_S;
@@ -135,10 +144,11 @@ static json_t *snapshot_json(const struct campaign *c) {
     bool rests = campaign_state_is_rest(c->state);
     const char *phase = c->plan && c->step >= 0 && !rests ? step_kind_name(c->plan->step[c->step].kind) : "";
     json_t *all =
-        json_pack("{s:s, s:I, s:I, s:b, s:o, s:s, s:s, s:s, s:s}", "state", campaign_state_name(c->state),
-                  "now_us", (json_int_t)clock_now_us(c->clock), "utc_us", (json_int_t)clock_utc_us(c->clock),
-                  "simulated", c->setup.wiring->simulated, "job", job_json(c), "phase", phase, "hold",
-                  c->hold.active ? c->hold.text : "", "warning", c->warning, "why", c->failure.text);
+        json_pack("{s:s, s:I, s:I, s:b, s:o, s:s, s:s, s:s, s:s, s:s}", "state",
+                  campaign_state_name(c->state), "now_us", (json_int_t)clock_now_us(c->clock), "utc_us",
+                  (json_int_t)clock_utc_us(c->clock), "simulated", c->setup.wiring->simulated, "job",
+                  job_json(c), "phase", phase, "hold", c->hold.active ? c->hold.text : "", "hold_next",
+                  c->hold.active ? c->hold.next : "", "warning", c->warning, "why", c->failure.text);
     set_progress(c, all);
     json_object_set_new(all, "points", points_json(c));
     json_object_set_new(all, "sessions", campaign_session_names(c));

@@ -120,7 +120,8 @@ static void draw(const json_t *status) {
 static void say_hold(const json_t *status, char *told, size_t size) {
     const char *hold = json_string_value(json_object_get(status, "hold")) ?: "";
     if (*hold && strcmp(hold, told) != 0)
-        fprintf(stderr, "\nheld for you: %s. Then: gonioctl continue\n", hold);
+        fprintf(stderr, "\nheld: %s. %s\n", hold,
+                json_string_value(json_object_get(status, "hold_next")) ?: "");
     snprintf(told, size, "%s", hold);
 }
 

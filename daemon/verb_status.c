@@ -67,7 +67,7 @@ void live_print_status(const json_t *s) {
     printf("%s%s%s%s%s\n", text(s, "state") ?: "starting", job ? ": " : "", job ? job : "",
            text(s, "phase") && *text(s, "phase") ? ", " : "", text(s, "phase") ?: "");
     if (text(s, "hold") && *text(s, "hold"))
-        printf("  HELD for you: %s. Then: gonioctl continue\n", text(s, "hold"));
+        printf("  HELD: %s. %s\n", text(s, "hold"), text(s, "hold_next") ?: "");
     if (text(s, "why") && *text(s, "why"))
         printf("  %s\n", text(s, "why"));
     if (text(s, "warning") && *text(s, "warning") && strcmp(text(s, "warning"), text(s, "why") ?: "") != 0)

@@ -184,8 +184,8 @@ static int begin_motor(struct axis *a, enum axis_task task, struct err *e) {
     if (a->task != TASK_NONE)
         return err_set(e, ERR_BUSY, "axis %s has not finished its last order", a->config.name);
     if (a->lost)
-        return err_set(e, ERR_LINK, "axis %s is not connected; its last reading is %.1f s old",
-                       a->config.name, (double)(axis_now_us(a) - a->read_us) / US_PER_S);
+        return err_set(e, ERR_LINK, "axis %s (unit %d on %s) does not answer: check its power and its cable",
+                       a->config.name, a->config.unit, a->link->name);
     axis_start(a, task);
     return 0;
 }

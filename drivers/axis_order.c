@@ -93,8 +93,11 @@ void axis_lost(struct axis *a) {
     if (a->task == TASK_NONE || a->task == TASK_STOP)
         return;
     bool may_move = a->task != TASK_RESET && a->stage >= STAGE_SEND;
-    err_set(&e, ERR_LINK, "axis %s: no connection to unit %d any more%s; it was last seen at %.3f deg",
-            a->config.name, a->config.unit, may_move ? " during a move" : "", deg(a->position_udeg));
+    err_set(
+        &e, ERR_LINK,
+        "axis %s (unit %d on %s) no longer answers, last seen%s at %.3f deg: check its power and its cable%s",
+        a->config.name, a->config.unit, a->link->name, may_move ? " during a move" : "",
+        deg(a->position_udeg), may_move ? "; it is ordered to stop as soon as it answers" : "");
     fail(a, &e, false);
     if (may_move)
         begin_stop(a, false); /* at the first reconnect */

@@ -101,6 +101,51 @@ static int64_t swapped(int64_t raw) {
     return (int32_t)(u << 16 | u >> 16);
 }
 
+/* As a position near zero is: the same place in either order. */
+static bool ambiguous(const struct axis *a, int64_t raw) {
+    return plausible(a, raw) && plausible(a, swapped(raw));
+}
+
+/* 1 known, 0 the profile or the unit has no such registers */
+static int drive_limits(struct commission *c, int64_t *low, int64_t *high, struct err *e) {
+    struct axis *a = c->axis;
+    const struct profile *p = a->profile;
+    if (p->reg_limit_low < 0 || p->reg_limit_high < 0)
+        return 0;
+    int result = axis_read_register(a, p->reg_limit_low, e);
+    if (result == 0)
+        result = axis_read_register(a, p->reg_limit_high, e);
+    if (result == -ERR_DEVICE) {
+        err_clear(e);
+        return 0;
+    }
+    *low = a->value[p->reg_limit_low];
+    *high = a->value[p->reg_limit_high];
+    return result ? result : 1;
+}
+
+/* A limit of the drive that lies within reach in one order of its words only; 0 = none does. */
+static int64_t telling_limit(struct commission *c) {
+    int64_t limit[2] = {0, 0};
+    struct err ignored = {0};
+    if (drive_limits(c, &limit[0], &limit[1], &ignored) != 1)
+        return 0;
+    for (int i = 0; i < 2; i++)
+        if (plausible(c->axis, limit[i]) != plausible(c->axis, swapped(limit[i]))) {
+            say(c, " A soft limit of the drive: %lld steps.", (long long)limit[i]);
+            return limit[i];
+        }
+    return 0;
+}
+
+static int ask_to_turn(struct commission *c) {
+    if (c->step == COMMISSION_WORDS)
+        say(c, " It has not turned.");
+    return ask(c, COMMISSION_WORDS,
+               "At zero the order of the words cannot be told. Turn the axis by a degree or more with the "
+               "drive's own means (its support software, or by hand without torque); done?");
+}
+
 static int ask_position(struct commission *c) {
     return ask(c, COMMISSION_POSITION,
                "It reads %.3f deg. Is that where it stands, by the scale of the stage?",
@@ -116,11 +161,10 @@ static int check_words(struct commission *c, struct err *e) {
     int64_t raw = a->value[p->reg_position];
     bool wide = profile_reg_words(&p->reg[p->reg_position]) == 2;
     say(c, "Position register: %lld steps = %.3f deg.", (long long)raw, deg(a->position_udeg));
-    if (wide && plausible(a, raw) && plausible(a, swapped(raw)))
-        return ask(
-            c, COMMISSION_WORDS,
-            "So near zero the order of the words cannot be told. Turn the axis by some degrees with the "
-            "drive's own means; done?");
+    if (wide && ambiguous(a, raw))
+        raw = telling_limit(c);
+    if (wide && ambiguous(a, raw))
+        return ask_to_turn(c);
     if (plausible(a, raw))
         return ask_position(c);
     if (wide && plausible(a, swapped(raw)))
@@ -265,24 +309,6 @@ static int try_stop(struct commission *c, const struct cancel *cancel, struct er
 
 /* --- limits of the drive itself ---------------------------------------------------------------------------- */
 
-/* 1 known, 0 the profile or the unit has no such registers */
-static int drive_limits(struct commission *c, int64_t *low, int64_t *high, struct err *e) {
-    struct axis *a = c->axis;
-    const struct profile *p = a->profile;
-    if (p->reg_limit_low < 0 || p->reg_limit_high < 0)
-        return 0;
-    int result = axis_read_register(a, p->reg_limit_low, e);
-    if (result == 0)
-        result = axis_read_register(a, p->reg_limit_high, e);
-    if (result == -ERR_DEVICE) {
-        err_clear(e);
-        return 0;
-    }
-    *low = a->value[p->reg_limit_low];
-    *high = a->value[p->reg_limit_high];
-    return result ? result : 1;
-}
-
 static int look_at_limits(struct commission *c, struct err *e) {
     struct axis *a = c->axis;
     int64_t low = 0, high = 0;
@@ -318,7 +344,9 @@ static int go_back(struct commission *c, const struct cancel *cancel, struct err
 static const char *const ADVICE[COMMISSION_STEPS] = {
     [COMMISSION_STATUS] =
         "Then the status bits of the profile do not fit this unit, or the unit number is another's.",
-    [COMMISSION_WORDS] = "The order of the words has to be known before anything may move.",
+    [COMMISSION_WORDS] =
+        "The order of the words has to be known before anything may move: begin again when the axis "
+        "does not stand at zero.",
     [COMMISSION_POSITION] = "Set zero_deg and direction in goniod.yaml, or home the axis, and begin again.",
     [COMMISSION_MOVE] = "Nothing was moved.",
     [COMMISSION_SCALE] =

@@ -24,8 +24,7 @@
 #define TEMPERATURE_OK 0x08
 
 static int gone(struct err *e) {
-    return err_set(e, ERR_LINK,
-                   "the spectrometer is gone from USB: check cable and power, then open it again");
+    return err_set(e, ERR_LINK, "the spectrometer is gone from USB: check its cable and its power");
 }
 
 static int not_home(int rc, const char *what, struct err *e) {

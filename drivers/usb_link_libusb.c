@@ -131,7 +131,7 @@ static struct slot *new_slot(struct kernel *k, struct usb_transfer *t) {
 static int submit(void *self, struct usb_transfer *t, struct err *e) {
     struct kernel *k = self;
     if (k->gone)
-        return err_set(e, ERR_LINK, "the spectrometer is gone from USB: check cable and power");
+        return err_set(e, ERR_LINK, "the spectrometer is gone from USB: check its cable and its power");
     struct slot *s = new_slot(k, t);
     if (!s)
         return err_set(e, ERR_NOMEM, "no memory for a USB transfer of %zu bytes", t->length);

@@ -180,7 +180,7 @@ static void on_configuration_status(void *priv, uint64_t id,
 }
 
 static int host_gone(struct err *e) {
-    return err_set(e, ERR_LINK, "the USB redirection host is gone: check it, then open the link again");
+    return err_set(e, ERR_LINK, "the USB redirection host is gone: check that it runs and can be reached");
 }
 
 static int submit(void *self, struct usb_transfer *t, struct err *e) {

@@ -341,6 +341,8 @@ static void notified_programs_are_told_and_never_waited_for(void **state) {
         usleep(20000);
     }
     assert_non_null(strstr(told, "\"event\":\"hold\""));
+    assert_non_null(strstr(told, "axis sample (unit 2 on "));
+    assert_non_null(strstr(told, "goniod tries again every 10 s"));
     free(told);
     free(config);
 }

@@ -115,15 +115,35 @@ static void a_right_profile_passes_and_ends_where_it_began(void **state) {
     assert_true(highest_deg < 12.34 + 3 * COMMISSION_MOVE_DEG + 0.1);
 }
 
-static void near_zero_the_words_are_told_apart_by_turning_it(void **state) {
+static void at_zero_the_words_are_told_apart_by_turning_it(void **state) {
     (void)state;
     open_axis();
     for (int i = 0; i < 4 && !strstr(c.question, "order of the words"); i++)
         assert_int_equal(commission_answer(&c, i ? "yes" : "", NULL, &err), 0);
     assert_non_null(strstr(c.question, "order of the words"));
+    assert_int_equal(commission_answer(&c, "yes", NULL, &err), 0);
+    assert_non_null(strstr(c.text, "It has not turned."));
     jog(5);
     assert_int_equal(commission_answer(&c, "yes", NULL, &err), 0);
     assert_non_null(strstr(c.question, "5.000 deg"));
+}
+
+static void at_zero_the_words_are_told_apart_by_the_limits_of_the_drive(void **state) {
+    (void)state;
+    /* 0388h, 038Ah: soft limits of 80 and -80 deg, high word first */
+    struct modbus_request rq = {
+        .unit = 1, .function = 16, .addr = 0x388, .count = 4, .regs = {0, 8000, 0xffff, 0xe0c0}};
+    assert_int_equal(modbus_link_transact(&link_, &rq, &err), 0);
+    for (int low_first = 0; low_first < 2; low_first++) {
+        profile.low_word_first = low_first;
+        open_axis();
+        for (int i = 0; i < 2; i++)
+            assert_int_equal(commission_answer(&c, i ? "yes" : "", NULL, &err), 0);
+        assert_non_null(strstr(low_first ? c.text : c.question, low_first ? "order.word" : "0.000 deg"));
+        assert_int_equal(c.over, low_first);
+        axis_close(axis);
+        axis = NULL;
+    }
 }
 
 static void a_wrong_word_order_is_found_before_anything_moves(void **state) {
@@ -193,7 +213,8 @@ static void an_alarm_has_to_go_first(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(a_right_profile_passes_and_ends_where_it_began),
-        TEST(near_zero_the_words_are_told_apart_by_turning_it),
+        TEST(at_zero_the_words_are_told_apart_by_turning_it),
+        TEST(at_zero_the_words_are_told_apart_by_the_limits_of_the_drive),
         TEST(a_wrong_word_order_is_found_before_anything_moves),
         TEST(wrong_status_bits_are_found_at_rest),
         TEST(a_stop_that_does_not_stop_is_found),
