@@ -57,6 +57,9 @@ struct shade_abc {
     double a, b, c;
 };
 
+/* Where many masks occur a compiler would rather keep one copy that asks at each point for all features. */
+#define SHADE_FOLDED __attribute__((always_inline)) static inline
+
 /* fmin and fmax are calls where a NaN must be looked after; here there is none. */
 static inline double shade_least(double a, double b) {
     return a < b ? a : b;
@@ -108,7 +111,7 @@ static inline double shade_transmittance(const struct shade_paint *p, double c) 
     return 2 * c * root * (1 / (sum * sum) + n2 / (sum_p * sum_p)) * p->inverse_t0;
 }
 
-static inline double shade_distribution(const unsigned features, const struct shade_paint *p, double phi2) {
+SHADE_FOLDED double shade_distribution(const unsigned features, const struct shade_paint *p, double phi2) {
     if (!(features & SHADE_RELATIVES)) {
         return p->beta_prime * exp(-p->exponent * phi2);
     }
@@ -119,8 +122,8 @@ static inline double shade_distribution(const unsigned features, const struct sh
 }
 
 /* The lobe times cos theta_i. */
-static inline double shade_lobe(const unsigned features, const struct shade_paint *p,
-                                const struct shade_half *half, struct vec3 n, double ci, double cr) {
+SHADE_FOLDED double shade_lobe(const unsigned features, const struct shade_paint *p,
+                               const struct shade_half *half, struct vec3 n, double ci, double cr) {
     double along = ci + cr;
     if ((features & SHADE_LOBE_CUT) && along < half->cut) {
         return 0;
@@ -132,9 +135,9 @@ static inline double shade_lobe(const unsigned features, const struct shade_pain
     return shade_distribution(features, p, phi * phi) * visibility * half->fresnel;
 }
 
-static inline struct shade_abc shade(const unsigned features, const struct shade_paint *p,
-                                     const struct shade_half *fixed, struct vec3 n, struct vec3 l,
-                                     struct vec3 v) {
+SHADE_FOLDED struct shade_abc shade(const unsigned features, const struct shade_paint *p,
+                                    const struct shade_half *fixed, struct vec3 n, struct vec3 l,
+                                    struct vec3 v) {
     struct shade_abc out = {0, 0, 0};
     double ci = vec3_dot(n, l), cr = vec3_dot(n, v);
     if (!(ci > SHADE_GRAZING && cr > SHADE_GRAZING)) {
