@@ -14,7 +14,6 @@ struct drawn { /* of one pixel: the mean and the largest Y of what was drawn */
 
 struct tile {
     struct render_counts counts;
-    struct drawn *drawn; /* [TRACE_TILE_ROWS * width] while it is traced; NULL: nothing is drawn */
     struct planes_extra *extra;
     size_t n_extra, capacity;
 };
@@ -193,7 +192,8 @@ static uint64_t count_fireflies(const struct drawn *drawn, int width, int rows) 
     return n;
 }
 
-static bool trace_rows(struct work *w, struct tile *tile, int first, int last) {
+/* drawn: [TRACE_TILE_ROWS * width]; NULL: nothing is. */
+static bool trace_rows(struct work *w, struct tile *tile, struct drawn *drawn, int first, int last) {
     int width = w->planes->width;
     double part = 1.0 / (w->trace->scene->image.grid * w->trace->scene->image.grid);
     struct render_counts counts = {
@@ -205,8 +205,8 @@ static bool trace_rows(struct work *w, struct tile *tile, int first, int last) {
             if (!store_pixel(w, tile, (size_t)y * (size_t)width + (size_t)x, &pixel, part)) {
                 return false;
             }
-            if (tile->drawn) {
-                tile->drawn[(y - first) * width + x] = (struct drawn){mean_y(&pixel, part), pixel.brightest};
+            if (drawn) {
+                drawn[(y - first) * width + x] = (struct drawn){mean_y(&pixel, part), pixel.brightest};
             }
         }
     }
@@ -220,14 +220,14 @@ static void trace_tile(void *work, int index) {
     int first = index * TRACE_TILE_ROWS, last = first + TRACE_TILE_ROWS, width = w->planes->width;
     bool random = w->trace->repeats > 0;
     last = last < w->planes->height ? last : w->planes->height;
-    tile->drawn = random ? malloc(TRACE_TILE_ROWS * (size_t)width * sizeof *tile->drawn) : NULL;
-    if ((random && !tile->drawn) || !trace_rows(w, tile, first, last)) {
+    struct drawn *drawn = random ? malloc(TRACE_TILE_ROWS * (size_t)width * sizeof *drawn) : NULL;
+    if ((random && !drawn) || !trace_rows(w, tile, drawn, first, last)) {
         atomic_store(&w->out_of_memory, true);
     } else {
         tile->counts.rows_done = last - first;
-        tile->counts.fireflies = random ? count_fireflies(tile->drawn, width, last - first) : 0;
+        tile->counts.fireflies = random ? count_fireflies(drawn, width, last - first) : 0;
     }
-    free(tile->drawn);
+    free(drawn);
 }
 
 /* In the order of tiles, whoever did them. */
