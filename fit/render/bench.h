@@ -35,7 +35,7 @@ struct bench_size {
     int error_pixels, time_pixels; /* side of the pictures for errors and for times */
     int panel_pixels;              /* of the panel, each seen at its centre */
     int reference_grid;            /* its samples a pixel: grid squared, in two halves */
-    int repeats;                   /* of each timed process; the median counts */
+    int repeats;                   /* of each timed process */
     int fold_pixels, fold_samples; /* of the fold: side of the picture; paths a pixel of its reference */
     int mesh_jitters, mesh_rings;  /* of the mesh: directions in a texel of half its reference; finest body */
 };
@@ -66,8 +66,17 @@ struct bench_panel_errors {
     bool chosen;               /* which of them a picture takes */
 };
 
-struct bench_time { /* medians of whole processes */
+struct bench_time { /* of a whole process */
     double wall_s, cpu_s, trace_s, trace_cpu_s, rss_mib;
+};
+
+#define BENCH_PROGRAM_WORDS 12
+
+struct bench_program {
+    const char *words[BENCH_PROGRAM_WORDS]; /* it and its arguments, NULL at the end */
+    const char *report;                     /* R.json that it writes, or NULL */
+    bool optional, missing;                 /* it may be missing; it is */
+    struct bench_time median, quietest;     /* of each figure by itself */
 };
 
 struct bench_recolour { /* best of several, in this process */
@@ -103,9 +112,11 @@ int bench_error_run(const char *folder, const struct bench_scene *s, const struc
 /* Reference: samples of its own over the light's area and over the lobe's facets, the model from angles. */
 int bench_panel_run(const char *folder, const struct bench_panel *s, const struct bench_size *size,
                     struct bench_panel_errors *out, struct err *e);
-/* words: the program and its arguments; report: R.json that it writes, or NULL. */
-int bench_time_run(char *const *words, const char *report, int repeats, struct bench_time *time,
-                   struct err *e);
+/* Rounds in which each runs once, so that busy moments of the machine are shared. */
+int bench_time_rounds(struct bench_program *program, int n, int rounds, struct err *e);
+/* Whole processes of one and two threads, POV-Ray beside them; self: the program that is timed. */
+int bench_process_report(const char *self, const char *folder, const struct bench_size *size, FILE *out,
+                         struct err *e);
 
 /* S4: a fold of one strongly coloured paint, 5 bounces, at the centres of pixels; its section of the report. */
 int bench_fold_report(const char *folder, const struct bench_size *size, FILE *out, FILE *rows,

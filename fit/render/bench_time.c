@@ -9,12 +9,13 @@
 #include "fit/render/bench.h"
 #include "fit/stopwatch.h"
 
-#define REPEATS_MAX 15
+#define ROUNDS_MAX 15
+#define FIGURES ((int)(sizeof(struct bench_time) / sizeof(double)))
 
 extern char **environ;
 
 /* What it prints is of no interest here. */
-static int run_once(char *const *words, struct bench_time *time, struct err *e) {
+static int run_once(const char *const *words, struct bench_time *time, struct err *e) {
     posix_spawn_file_actions_t files;
     struct rusage used;
     pid_t child;
@@ -23,7 +24,7 @@ static int run_once(char *const *words, struct bench_time *time, struct err *e) 
     posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
     posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0);
     double started = stopwatch_s();
-    failed = posix_spawnp(&child, words[0], &files, NULL, words, environ);
+    failed = posix_spawnp(&child, words[0], &files, NULL, (char *const *)words, environ);
     posix_spawn_file_actions_destroy(&files);
     if (failed) {
         return err_errno(e, ERR_IO, failed, "%s cannot be started", words[0]);
@@ -52,28 +53,47 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-int bench_time_run(char *const *words, const char *report, int repeats, struct bench_time *time,
-                   struct err *e) {
-    double value[5][REPEATS_MAX];
-    repeats = repeats < REPEATS_MAX ? repeats : REPEATS_MAX;
-    for (int i = 0; i < repeats; i++) {
-        struct bench_time once = {0};
-        int status = run_once(words, &once, e);
-        if (status) {
-            return status;
-        }
-        take_report(report, &once);
-        value[0][i] = once.wall_s;
-        value[1][i] = once.cpu_s;
-        value[2][i] = once.trace_s;
-        value[3][i] = once.trace_cpu_s;
-        value[4][i] = once.rss_mib;
+struct rounds { /* of one program: each figure of every round */
+    double value[FIGURES][ROUNDS_MAX];
+};
+
+static int run_round(struct bench_program *p, struct rounds *rounds, int round, struct err *e) {
+    struct bench_time once = {0};
+    struct err missing = {0};
+    int status = run_once(p->words, &once, p->optional ? &missing : e);
+    if (status) {
+        p->missing = p->optional;
+        return p->optional ? 0 : status;
     }
-    double *const medians[5] = {&time->wall_s, &time->cpu_s, &time->trace_s, &time->trace_cpu_s,
-                                &time->rss_mib};
-    for (int k = 0; k < 5; k++) {
-        qsort(value[k], (size_t)repeats, sizeof(double), by_size);
-        *medians[k] = value[k][repeats / 2];
+    take_report(p->report, &once);
+    const double figures[] = {once.wall_s, once.cpu_s, once.trace_s, once.trace_cpu_s, once.rss_mib};
+    for (int k = 0; k < FIGURES; k++) {
+        rounds->value[k][round] = figures[k];
     }
     return 0;
+}
+
+static struct bench_time figures_of(const struct rounds *rounds, int rank) {
+    return (struct bench_time){rounds->value[0][rank], rounds->value[1][rank], rounds->value[2][rank],
+                               rounds->value[3][rank], rounds->value[4][rank]};
+}
+
+int bench_time_rounds(struct bench_program *program, int n, int rounds, struct err *e) {
+    struct rounds *kept = calloc((size_t)n, sizeof *kept);
+    int status = kept ? 0 : err_set(e, ERR_NOMEM, "no memory for the times of %d programs", n);
+    rounds = rounds < ROUNDS_MAX ? rounds : ROUNDS_MAX;
+    for (int i = 0; i < rounds * n && !status; i++) {
+        if (!program[i % n].missing) {
+            status = run_round(&program[i % n], &kept[i % n], i / n, e);
+        }
+    }
+    for (int i = 0; i < n && !status; i++) {
+        for (int k = 0; k < FIGURES; k++) {
+            qsort(kept[i].value[k], (size_t)rounds, sizeof(double), by_size);
+        }
+        program[i].median = figures_of(&kept[i], rounds / 2);
+        program[i].quietest = figures_of(&kept[i], 0);
+    }
+    free(kept);
+    return status;
 }

@@ -189,87 +189,10 @@ static int bench_panels_of_all(const struct bench *b, struct err *e) {
     return status;
 }
 
-static int time_one(const struct bench *b, int grid, const char *threads, struct bench_time *time,
-                    struct err *e) {
-    char scene[512], picture[128], report[128];
-    snprintf(picture, sizeof picture, "%s/p.png", b->folder);
-    snprintf(report, sizeof report, "%s/r.json", b->folder);
-    int status = bench_write_scene(b->folder, &bench_scene[1], b->size->time_pixels, grid, scene, e);
-    char *words[] = {(char *)b->self, "render",        scene,      "-o",   picture,
-                     "--threads",     (char *)threads, "--report", report, NULL};
-    fprintf(stderr, "time of %d samples, %s threads ...\n", grid * grid, threads);
-    return status ? status : bench_time_run(words, report, b->size->repeats, time, e);
-}
-
-static int bench_times(const struct bench *b, struct err *e) {
-    struct bench_time time[4] = {0};
-    int status = 0;
-    fprintf(b->out,
-            "## Times\n\nThe cylinder tilted by 17 deg, full model, 81 wavelengths, %d x %d pixels; whole "
-            "processes with 8-bit\n"
-            "PNG, medians of %d.\n\n"
-            "| samples | threads | wall s | CPU s | trace wall s | trace CPU s | peak RSS MiB "
-            "|\n|---|---|---|---|---|---|---|\n",
-            b->size->time_pixels, b->size->time_pixels, b->size->repeats);
-    for (int i = 0; i < 4 && !status; i++) {
-        status = time_one(b, i < 2 ? 1 : 4, i % 2 ? "2" : "1", &time[i], e);
-        fprintf(b->out, "| %d | %d | %.3f | %.3f | %.3f | %.3f | %.1f |\n", i < 2 ? 1 : 16, 1 + i % 2,
-                time[i].wall_s, time[i].cpu_s, time[i].trace_s, time[i].trace_cpu_s, time[i].rss_mib);
-    }
-    if (!status) {
-        fprintf(b->out,
-                "\n| figure | to reach | measured | |\n|---|---|---|---|\n"
-                "| trace, 1 thread, 1 sample | 0.12 s is the aim | %.3f s wall, %.3f s CPU | %s by wall, %s "
-                "by CPU |\n"
-                "| two threads over one, trace, 16 samples | 1.85 by wall | %.2f | %s |\n",
-                time[0].trace_s, time[0].trace_cpu_s, met(time[0].trace_s <= 0.12),
-                met(time[0].trace_cpu_s <= 0.12), time[2].trace_s / time[3].trace_s,
-                met(time[2].trace_s / time[3].trace_s >= 1.85));
-    }
-    return status;
-}
-
-static int bench_povray(const struct bench *b, const struct bench_time *own, struct err *e) {
-    char scene[160], picture[128], pixels_w[16], pixels_h[16];
-    snprintf(scene, sizeof scene, "+I%s/c.pov", b->folder);
-    snprintf(picture, sizeof picture, "+O%s/pov.png", b->folder);
-    snprintf(pixels_w, sizeof pixels_w, "+W%d", b->size->time_pixels);
-    snprintf(pixels_h, sizeof pixels_h, "+H%d", b->size->time_pixels);
-    char *words[] = {"povray", scene, pixels_w, pixels_h, "+WT1", "-D", "-A", picture, "+FN8", NULL};
-    FILE *file = fopen(scene + 2, "w");
-    if (!file) {
-        return err_errno(e, ERR_IO, errno, "%s cannot be written", scene + 2);
-    }
-    fputs("camera { orthographic location <0,0,-100> right x*70 up y*70 direction z look_at 0 }\n"
-          "light_source { <-34202,0,-93969> rgb 1 parallel point_at 0 }\n"
-          "cylinder { <0,-31,0>, <0,31,0>, 31 rotate z*17 pigment { rgb <.1,.5,.2> }\n"
-          "  finish { ambient 0 diffuse 1 specular .5 roughness .01 } }\n",
-          file);
-    fclose(file);
-    struct bench_time time;
-    struct err missing = {0};
-    if (bench_time_run(words, NULL, b->size->repeats, &time, &missing)) {
-        fprintf(b->out, "| POV-Ray, RGB, without antialiasing | whole process at most 1/6 of it | not "
-                        "installed here |\n");
-        return 0;
-    }
-    fprintf(b->out,
-            "| whole process, 1 thread, timed again beside it, over POV-Ray's of RGB without antialiasing | "
-            "1/6 by wall | 1/%.1f by "
-            "wall (%.3f s "
-            "of POV-Ray), 1/%.1f by CPU | %s |\n",
-            time.wall_s / own->wall_s, time.wall_s, time.cpu_s / own->cpu_s,
-            met(time.wall_s >= 6 * own->wall_s));
-    return 0;
-}
-
 static int bench_parts(const struct bench *b, struct err *e) {
     struct bench_recolour recolour;
     struct bench_ablation x;
-    struct bench_time own;
     int status = bench_recolour(b->folder, b->size, &recolour, e);
-    status = status ? status : time_one(b, 1, "1", &own, e);
-    status = status ? status : bench_povray(b, &own, e);
     if (status) {
         return status;
     }
@@ -367,7 +290,8 @@ static void draw(const struct bench *b) {
 static int run_all(struct bench *b, struct err *e) {
     print_head(b);
     int status =
-        bench_times(b, e); /* first: a child begins with its parent's memory, which counts as its own */
+        bench_process_report(b->self, b->folder, b->size, b->out,
+                             e); /* first: a child begins with its parent's memory, which counts as its own */
     status = status ? status : bench_parts(b, e);
     status = status ? status : bench_errors_of_all(b, e);
     status = status ? status : bench_panels_of_all(b, e);
