@@ -81,7 +81,7 @@ static bool goes_on(const struct trace *t, const struct path *path, double *carr
                     struct shade_abc *scatter, int paint, struct sampler *sampler) {
     double s = t->energy[paint].s_max;
     *carried *= scatter->a * s + scatter->b * s * s + scatter->c;
-    if (path->n < PATH_SURE) {
+    if (path->n < PATH_SURE || t->whole_paths) {
         return true;
     }
     double chance = fmin(PATH_GOES_ON, *carried);

@@ -37,10 +37,11 @@ static void prepare_halves(struct trace *t) {
 }
 
 /* NULL: no memory. */
-static struct energy *prepare_energies(const struct scene *scene) {
+static struct energy *prepare_energies(const struct scene *scene, const struct scene *steady) {
     struct energy *energy = calloc(SCENE_PAINTS, sizeof *energy);
     for (int p = 0; p < scene->n_paints && energy; p++) {
-        energy_make(&energy[p], &scene->paint[p], (enum energy_policy)scene->image.energy);
+        energy_make(&energy[p], &(steady ? steady : scene)->paint[p],
+                    (enum energy_policy)scene->image.energy);
     }
     return energy;
 }
@@ -92,7 +93,7 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     x->random = x->paths || kept(f, FEATURE_RANDOM);
     x->trace.half = calloc(SCENE_PAINTS, sizeof *x->trace.half);
     x->y = x->random ? calloc(1, sizeof *x->y) : NULL;
-    x->energy = x->paths ? prepare_energies(scene) : NULL;
+    x->energy = x->paths ? prepare_energies(scene, options->steady) : NULL;
     x->aim = x->paths ? calloc(1, sizeof *x->aim) : NULL;
     x->glints = x->paths ? calloc(1, sizeof *x->glints) : NULL;
     if (!x->trace.half || (x->random && !x->y) || (x->paths && !(x->energy && x->aim && x->glints))) {
@@ -105,6 +106,7 @@ static int prepare(struct parts *x, const struct render_options *options, const 
     }
     x->beyond = x->trace;
     x->beyond.shade_features = PATH_FEATURES;
+    x->beyond.whole_paths = options->steady;
     x->beyond.energy = x->energy;
     x->beyond.aim = x->aim;
     x->beyond.glints = x->glints;

@@ -32,6 +32,7 @@ struct render_options {
     unsigned keep;                       /* bit 1 << enum feature: this one is not left out */
     bool progress;                       /* a bar on stderr */
     struct render_hits *hits;            /* to be kept and used; or NULL */
+    const struct scene *steady;          /* whose paints say how paths go, none ended by chance; or NULL */
     const volatile sig_atomic_t *cancel; /* or NULL */
 };
 

@@ -6,6 +6,7 @@
 
 #include "fit/render/ciede2000.h"
 #include "fit/render/crew.h"
+#include "fit/render/spread_path.h"
 #include "fit/render/spread_slope.h"
 #include "fit/render/white.h"
 
@@ -16,6 +17,7 @@ struct entry { /* one paint in one set of a pixel */
 
 struct work { /* one picture, shared by all threads */
     const struct scene *scene;
+    struct scene first; /* the same, of one bounce: what a, b, c hold */
     const struct joint *const *joint;
     const struct render_options *options;
     struct spread *spread;
@@ -23,13 +25,17 @@ struct work { /* one picture, shared by all threads */
     double (*change)[SPREAD_DRAWS][MATERIAL_PARAMETERS]; /* [paint]: of the shared parameters */
     struct planes planes, slope[MATERIAL_PARAMETERS];
     bool moved[MATERIAL_PARAMETERS]; /* slope[] holds something */
+    bool several;                    /* bounces: then path holds something */
+    struct spread_path path;
     double white[3];
 };
 
 struct bench { /* of one row */
     struct entry entry[SCENE_PAINTS * PLANES_SETS];
     int n;
-    double change[3][JOINT_ROWS]; /* of X, Y, Z by the columns of a paint's factor */
+    double change[3][JOINT_ROWS];     /* of X, Y, Z by the columns of a paint's factor */
+    double over[3];                   /* X, Y, Z of what comes over other surfaces */
+    double indirect[SPREAD_DRAWS][3]; /* how that changes in each draw */
     float de[SPREAD_DRAWS];
 };
 
@@ -92,19 +98,47 @@ static void add_change(const struct work *w, const struct entry *x, struct bench
     }
 }
 
-static void covariance_of(const struct work *w, struct bench *b, double covariance[3][3]) {
+/* Of one paint: what comes over other surfaces, in b->change and in every draw. */
+static void add_indirect(const struct work *w, int paint, size_t pixel, struct bench *b) {
+    const struct spread_paint *p = &w->paint[paint];
+    spread_path_change(&w->path, p, paint, pixel, b->change);
+    for (int d = 0; d < SPREAD_DRAWS; d++) {
+        const double *z = p->normal + (size_t)d * (size_t)p->rank;
+        for (int i = 0; i < 3; i++) {
+            for (int r = 0; r < p->rank; r++) {
+                b->indirect[d][i] += b->change[i][r] * z[r];
+            }
+        }
+    }
+}
+
+static bool shows(const struct bench *b, int paint) {
+    int i = 0;
+    while (i < b->n && b->entry[i].paint != paint) {
+        i++;
+    }
+    return i < b->n;
+}
+
+/* Paints know nothing of each other; one that the pixel does not show may still shine on what it shows. */
+static void covariance_of(const struct work *w, size_t pixel, struct bench *b, double covariance[3][3]) {
     memset(covariance, 0, 9 * sizeof **covariance);
-    for (int i = 0; i < b->n; i++) {
-        int rank = w->paint[b->entry[i].paint].rank;
-        bool first = i == 0 || b->entry[i - 1].paint != b->entry[i].paint;
-        bool last = i + 1 == b->n || b->entry[i + 1].paint != b->entry[i].paint;
-        if (first) {
-            memset(b->change, 0, sizeof b->change);
+    memset(b->indirect, 0, sizeof b->indirect);
+    for (int paint = 0; paint < w->scene->n_paints; paint++) {
+        int rank = w->paint[paint].rank;
+        if (rank == 0 || !(w->several || shows(b, paint))) {
+            continue;
         }
-        if (rank > 0) {
-            add_change(w, &b->entry[i], b);
+        memset(b->change, 0, sizeof b->change);
+        if (w->several) {
+            add_indirect(w, paint, pixel, b);
         }
-        for (int k = 0; k < 9 && last; k++) {
+        for (int i = 0; i < b->n; i++) {
+            if (b->entry[i].paint == paint) {
+                add_change(w, &b->entry[i], b);
+            }
+        }
+        for (int k = 0; k < 9; k++) {
             for (int r = 0; r < rank; r++) {
                 covariance[k / 3][k % 3] += b->change[k / 3][r] * b->change[k % 3][r];
             }
@@ -114,7 +148,9 @@ static void covariance_of(const struct work *w, struct bench *b, double covarian
 
 /* draw -1: the picture itself. */
 static void colour_of(const struct work *w, const struct bench *b, int draw, double xyz[3]) {
-    xyz[0] = xyz[1] = xyz[2] = 0;
+    for (int k = 0; k < 3; k++) {
+        xyz[k] = b->over[k] + (draw >= 0 ? b->indirect[draw][k] : 0);
+    }
     for (int i = 0; i < b->n; i++) {
         const struct entry *x = &b->entry[i];
         const struct spread_paint *p = &w->paint[x->paint];
@@ -204,9 +240,13 @@ static void put_covariance(struct spread *s, int first, size_t pixel, double c[3
 static void spread_pixel(struct work *w, size_t pixel, struct bench *b) {
     struct spread *s = w->spread;
     double xyz[3], lab[3], cov_xyz[3][3], cov_lab[3][3], slope[3][3];
+    memset(b->over, 0, sizeof b->over);
+    if (w->several) {
+        spread_path_colour(&w->path, &w->planes, pixel, b->over);
+    }
     colour_of(w, b, -1, xyz);
     colour_lab(xyz, w->white, lab);
-    covariance_of(w, b, cov_xyz);
+    covariance_of(w, pixel, b, cov_xyz);
     lab_slopes(xyz, w->white, slope);
     turn_covariance((const double(*)[3])slope, cov_xyz, cov_lab);
     for (int d = 0; d < SPREAD_DRAWS; d++) {
@@ -277,7 +317,12 @@ static int prepare_planes(struct work *w, struct err *e) {
     struct render_hits hits = {0}; /* only the paints change */
     struct render_options options = *w->options;
     options.hits = &hits;
+    options.steady = w->scene;
     int status = spread_render(w->scene, &options, &w->planes, e);
+    if (!status && w->several) {
+        status = spread_path_make(w->scene, w->paint, &options, &w->path, e);
+        w->spread->renderings = w->path.renderings;
+    }
     for (int m = 0; m < MATERIAL_PARAMETERS && !status; m++) {
         bool moves[SCENE_PAINTS] = {false}, any = false;
         for (int p = 0; p < w->scene->n_paints; p++) {
@@ -285,7 +330,7 @@ static int prepare_planes(struct work *w, struct err *e) {
             any = any || moves[p];
         }
         if (any) {
-            status = spread_slope(w->scene, moves, m, &options, &w->slope[m], e);
+            status = spread_slope(&w->first, moves, m, &options, &w->slope[m], e);
             w->moved[m] = !status;
         }
     }
@@ -368,15 +413,14 @@ static int make_all(struct work *w, uint64_t seed, struct err *e) {
 
 int spread_make(const struct scene *scene, const struct joint *const joint[SCENE_PAINTS], uint64_t seed,
                 const struct render_options *options, struct spread *spread, struct err *e) {
-    if (scene->image.bounces > 1) {
-        return err_set(e, ERR_STATE, "the uncertainty of a picture is worked out for one bounce, not for %d",
-                       scene->image.bounces);
-    }
     struct work *w = calloc(1, sizeof *w);
     if (!w) {
         return err_set(e, ERR_NOMEM, "no memory for the uncertainty");
     }
     w->scene = scene;
+    w->first = *scene;
+    w->first.image.bounces = 1;
+    w->several = scene->image.bounces > 1;
     w->joint = joint;
     w->options = options;
     w->spread = spread;
@@ -388,6 +432,7 @@ int spread_make(const struct scene *scene, const struct joint *const joint[SCENE
         planes_free(&w->slope[m]);
     }
     planes_free(&w->planes);
+    spread_path_free(&w->path);
     free(w->change);
     free(w);
     if (status) {

@@ -4,7 +4,8 @@
  * From the joint covariance of each paint's shared parameters and S(lambda), common parts included:
  *     cov_xyz, cov_lab   covariance of X, Y, Z and of L*, a*, b* in each pixel, to first order
  *     median, p95        of CIEDE2000 between the picture and SPREAD_DRAWS pictures of drawn paints: S(lambda) as
- *                        drawn, a, b, c to first order in the shared parameters; the same draws for all pixels
+ *                        drawn, a, b, c to first order in the shared parameters; the same draws for all pixels; what comes
+ *                        over other surfaces to first order in all of them (spread_path.h)
  *     sampling           CIEDE2000 between the picture and itself with one sample more each way in a pixel
  *     noise              variance of Y by what was drawn at random, of lights with extent; 0 without them
  * Paints are independent of each other; a paint without a covariance counts as exactly known. Light, camera and
@@ -12,9 +13,9 @@
  *
  * Shapes     planes by rows from the top; covariances as XX, XY, XZ, YY, YZ, ZZ of each pixel; NaN: nothing is shown.
  * Units      X, Y, Z: 1 for the perfect diffuser's Y. CIELAB under the scene's own white.
- * Domain     one bounce: of several, a, b, c are not all of the picture.
- * Errors     those of render_planes and spread_paint_make; -ERR_CANCELLED; -ERR_STATE a scene of several bounces.
- * Checked    tests/unit/test_render_noise.c; test_render_spread.c: each draw rendered anew, the Jacobian by rendering
+ * Errors     those of render_planes and spread_paint_make; -ERR_CANCELLED.
+ * Checked    tests/unit/test_render_noise.c; test_render_spread.c: each draw rendered anew, the Jacobian by rendering;
+ *            test_spread_path.c: the same of several bounces
  */
 #ifndef FIT_RENDER_SPREAD_H
 #define FIT_RENDER_SPREAD_H
@@ -36,8 +37,9 @@ enum spread_plane {
 
 struct spread {
     int width, height;
-    float *plane[SPREAD_PLANES];                          /* [pixels] each */
-    uint64_t n;                                           /* pixels that show something */
+    int renderings;              /* of all paths, for their slopes; 0: of one bounce, or nothing moves */
+    float *plane[SPREAD_PLANES]; /* [pixels] each */
+    uint64_t n;                  /* pixels that show something */
     double typical_median, typical_p95, typical_sampling; /* medians over these */
     double worst_p95, worst_sampling;                     /* exceeded by 5 % of them */
     double typical_noise, worst_noise;                    /* standard deviations of Y, alike */

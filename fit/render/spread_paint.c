@@ -121,10 +121,20 @@ static void fill_shared(const struct making *m) {
     }
 }
 
+static void fill_bands(const struct making *m) {
+    for (int i = 0; i < SPREAD_BAND_KINDS * BANDS * 2; i++) {
+        int kind = i / (2 * BANDS), k = i / 2 % BANDS, side = i % 2;
+        const struct band *band = kind == 0 ? &m->s[k] : &m->beta_prime[k];
+        add_row(m->out->band + (size_t)(kind * BANDS + k) * (size_t)m->out->rank, m, band->row[side],
+                band->part[side]);
+    }
+    m->out->beta_prime_by_band = m->beta_prime[0].row[0] >= 0;
+}
+
 static void fill_draws(const struct making *m, uint64_t seed) {
     struct dice dice = {seed};
-    double z[JOINT_ROWS];
     for (int d = 0; d < SPREAD_DRAWS; d++) {
+        double *z = m->out->normal + (size_t)d * (size_t)m->out->rank;
         for (int r = 0; r < m->out->rank; r++) {
             z[r] = dice_normal(&dice);
         }
@@ -185,17 +195,20 @@ static int fill_known(struct making *m, uint64_t seed, struct err *e) {
     free(c);
     size_t rank = (size_t)p->rank, sets = (size_t)p->sets;
     p->draw = calloc(SPREAD_DRAWS * (size_t)n, sizeof *p->draw);
+    p->normal = calloc(SPREAD_DRAWS * rank + 1, sizeof *p->normal);
+    p->band = calloc(SPREAD_BAND_KINDS * BANDS * rank + 1, sizeof *p->band);
     p->shared = calloc(MATERIAL_PARAMETERS * rank + 1, sizeof *p->shared);
     p->basis = calloc(sets * SPREAD_KINDS * 3 * rank + 1, sizeof *p->basis);
     p->matrix = calloc(SPREAD_DRAWS * sets, sizeof *p->matrix);
     p->per_band = calloc(SPREAD_DRAWS * sets, sizeof *p->per_band);
-    if (!p->draw || !p->shared || !p->basis || !p->matrix || !p->per_band) {
+    if (!p->draw || !p->normal || !p->band || !p->shared || !p->basis || !p->matrix || !p->per_band) {
         return err_set(e, ERR_NOMEM, "no memory for %d draws", SPREAD_DRAWS);
     }
     find_bands(m->joint, MATERIAL_S, m->s);
     find_bands(m->joint, MATERIAL_BETA_PRIME, m->beta_prime);
     fill_shared(m);
     fill_basis(m);
+    fill_bands(m);
     fill_draws(m, seed);
     return fill_matrices(m, e);
 }
@@ -227,6 +240,8 @@ int spread_paint_make(const struct scene *scene, int paint, const struct joint *
 
 void spread_paint_free(struct spread_paint *p) {
     free(p->draw);
+    free(p->normal);
+    free(p->band);
     free(p->shared);
     free(p->basis);
     free(p->matrix);

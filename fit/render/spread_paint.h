@@ -5,7 +5,8 @@
  * serve every pixel. Bands without a row follow their neighbours' rows as paint.h holds them.
  *
  * Shapes     draw[SPREAD_DRAWS][n] deviations of joint->row[]; shared[parameter][rank] rows of L; basis[set][kind][xyz]
- *            [rank]: change of X, Y, Z for each unit of a (kind 0), b (1) and of the slope of c by beta' (2).
+ *            [rank]: change of X, Y, Z for each unit of a (kind 0), b (1) and of the slope of c by beta' (2);
+ *            normal[SPREAD_DRAWS][rank]: z; band[kind][BANDS][rank]: what L changes in a band of S (kind 0) and of beta' (1).
  * Errors     -ERR_STATE a joint fit of another model than the paint; -ERR_NOMEM.
  * Checked    tests/unit/test_render_spread.c
  */
@@ -18,11 +19,14 @@
 
 #define SPREAD_DRAWS 256
 #define SPREAD_KINDS 3
+#define SPREAD_BAND_KINDS 2
 
 struct spread_paint {
     int n, rank, sets;
     bool moves[MATERIAL_PARAMETERS]; /* parameters whose slopes of a, b, c are needed */
-    double *draw;                    /* NULL where n is 0 */
+    bool beta_prime_by_band;
+    double *draw; /* NULL where n is 0 */
+    double *normal, *band;
     double *shared, *basis;
     struct colour_matrix *matrix; /* [SPREAD_DRAWS][sets]: X, Y, Z of a, b, c with the S of a draw */
     double (*per_band)[3]; /* [SPREAD_DRAWS][sets]: X, Y, Z of the slope of c by beta', beta' by bands */

@@ -15,8 +15,30 @@ int spread_render(const struct scene *scene, const struct render_options *option
     return render_whole(scene, &own, planes, &report, e);
 }
 
+int spread_move(struct scene *moved, const struct scene *scene, int paint, int parameter, double relative,
+                double *value, struct err *e) {
+    struct paint *p = &moved->paint[paint];
+    double *at = &p->estimate.value[parameter], best = *at;
+    int status = 0;
+    if (parameter == MATERIAL_S) {
+        for (int k = 0; k < BANDS; k++) {
+            p->s[k] += relative;
+        }
+        *value = relative;
+        return 0;
+    }
+    *at += relative * (best != 0 ? fabs(best) : 1);
+    if (paint_prepare(p, NULL) != 0) {
+        *at = best; /* beyond a bound: one-sided */
+        status = paint_prepare(p, e);
+    }
+    p->drawn = scene->paint[paint].drawn; /* the same directions up and down: no noise in the difference */
+    *value = *at;
+    return status;
+}
+
 /* The parameter of each paint moved up or down; value[paint]: where it stands then. */
-static int render_moved(const struct scene *scene, const bool *moves, int parameter, double direction,
+static int render_moved(const struct scene *scene, const bool *moves, int parameter, double relative,
                         const struct render_options *options, struct planes *planes, double *value,
                         struct err *e) {
     struct scene *moved = malloc(sizeof *moved);
@@ -26,18 +48,10 @@ static int render_moved(const struct scene *scene, const bool *moves, int parame
     }
     memcpy(moved, scene, sizeof *moved); /* it borrows what the shapes own */
     for (int p = 0; p < scene->n_paints && !status; p++) {
-        struct paint *paint = &moved->paint[p];
-        double *at = &paint->estimate.value[parameter], best = *at;
+        value[p] = scene->paint[p].estimate.value[parameter];
         if (moves[p]) {
-            *at += direction * STEP * (best != 0 ? fabs(best) : 1);
-            if (paint_prepare(paint, NULL) != 0) {
-                *at = best; /* beyond a bound: one-sided */
-                status = paint_prepare(paint, e);
-            }
-            paint->drawn =
-                scene->paint[p].drawn; /* the same directions up and down: no noise in the difference */
+            status = spread_move(moved, scene, p, parameter, relative, &value[p], e);
         }
-        value[p] = *at;
     }
     status = status ? status : spread_render(moved, options, planes, e);
     free(moved);
@@ -69,11 +83,11 @@ int spread_slope(const struct scene *scene, const bool moves[SCENE_PAINTS], int 
                  const struct render_options *options, struct planes *slope, struct err *e) {
     double high[SCENE_PAINTS], low[SCENE_PAINTS];
     struct planes down;
-    int status = render_moved(scene, moves, parameter, 1, options, slope, high, e);
+    int status = render_moved(scene, moves, parameter, STEP, options, slope, high, e);
     if (status) {
         return status;
     }
-    status = render_moved(scene, moves, parameter, -1, options, &down, low, e);
+    status = render_moved(scene, moves, parameter, -STEP, options, &down, low, e);
     if (status) {
         planes_free(slope);
         return status;

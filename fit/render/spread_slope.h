@@ -13,6 +13,11 @@
 
 #include "fit/render/render.h"
 
+/* The paint with a parameter moved by `relative` of itself (from 0: by so much), or not at all where a bound is in the
+ * way; MATERIAL_S: every band of s by `relative` itself. *value: where it stands then, of S the step. Directions are drawn
+ * as before. */
+int spread_move(struct scene *moved, const struct scene *scene, int paint, int parameter, double relative,
+                double *value, struct err *e);
 /* Renders all of it or nothing: every row, nothing left out that changes a value. */
 int spread_render(const struct scene *scene, const struct render_options *options, struct planes *planes,
                   struct err *e);

@@ -28,6 +28,7 @@ struct trace { /* what the integrator may read; prepared once, shared by all thr
     const struct scene *scene;
     unsigned shade_features;
     bool shadow_rays, dark_lights;
+    bool whole_paths;                        /* none is ended by chance */
     struct shade_half (*half)[SCENE_LIGHTS]; /* [paint][light], of parallel light and a parallel camera */
     int repeats;                             /* a multiple of TRACE_GROUPS; 0: nothing is drawn */
     bool facets[SCENE_PAINTS][SCENE_LIGHTS]; /* the lobe in this light: by facets too (features.h) */

@@ -26,9 +26,9 @@ static const char help[] =
     "  --uncertainty U.exr\n"
     "                    covariance of XYZ and L*a*b* by pixel and CIEDE2000 of drawn paints, from the "
     "joint\n"
-    "                    fits of the sessions; the error of the picture's own sampling (not of a series, nor "
-    "of\n"
-    "                    several bounces)\n"
+    "                    fits of the sessions; the error of the picture's own sampling (not of a series). Of "
+    "several\n"
+    "                    bounces it takes 2 renderings for each paint and each of its parameters\n"
     "  --session M=FILE  this session for the material M, whatever the scene names\n"
     "  --report R.json   what the picture carries as its origin, and the seconds it took\n"
     "  --energy E        a paint that returns more light than it receives: `scale` it down beyond the first\n"
@@ -305,12 +305,6 @@ static int check_wishes(const struct job *job, struct err *e) {
             e, ERR_USAGE,
             "--planes, --spectral and --uncertainty hold one picture; this scene is a series of %d",
             job->scene->n_pictures);
-    }
-    if (job->scene->image.bounces > 1 && o->uncertainty) {
-        return err_set(e, ERR_USAGE,
-                       "--uncertainty is worked out for one bounce, and this scene asks for %d; give it "
-                       "`bounces: 1`",
-                       job->scene->image.bounces);
     }
     return check_outputs(job, e);
 }

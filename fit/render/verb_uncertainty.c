@@ -50,12 +50,12 @@ static json_t *find_joints(const struct scene *scene, struct joint *joint, const
 
 static int write_spread(const char *path, const struct spread *s, json_t *unknown, json_t *origin,
                         struct err *e) {
-    json_t *json =
-        json_pack("{s:s,s:i,s:I,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:O}", "file", path, "draws", SPREAD_DRAWS,
-                  "seed", (json_int_t)SEED, "median_of_medians", s->typical_median, "median_of_p95",
-                  s->typical_p95, "p95_of_p95", s->worst_p95, "median_of_sampling", s->typical_sampling,
-                  "p95_of_sampling", s->worst_sampling, "median_of_noise_y", s->typical_noise,
-                  "p95_of_noise_y", s->worst_noise, "exactly_known", unknown);
+    json_t *json = json_pack("{s:s,s:i,s:I,s:i,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:O}", "file", path, "draws",
+                             SPREAD_DRAWS, "seed", (json_int_t)SEED, "renderings", s->renderings,
+                             "median_of_medians", s->typical_median, "median_of_p95", s->typical_p95,
+                             "p95_of_p95", s->worst_p95, "median_of_sampling", s->typical_sampling,
+                             "p95_of_sampling", s->worst_sampling, "median_of_noise_y", s->typical_noise,
+                             "p95_of_noise_y", s->worst_noise, "exactly_known", unknown);
     json_object_set_new(origin, "uncertainty", json);
     char *text = json_dumps(origin, JSON_COMPACT);
     int status = text ? spread_save(path, s, text, e) : err_set(e, ERR_NOMEM, "no memory for the origin");
@@ -65,6 +65,9 @@ static int write_spread(const char *path, const struct spread *s, json_t *unknow
                "%.2g; 95 "
                "%% at most %.2g in 19 of 20 pixels\n",
                path, s->typical_median, s->typical_p95, s->worst_p95);
+        if (s->renderings > 0) {
+            printf("slopes:      of all paths by %d more renderings\n", s->renderings);
+        }
         printf("sampling:    CIEDE2000 %.2g in a typical pixel, at most %.2g in 19 of 20\n",
                s->typical_sampling, s->worst_sampling);
         if (s->worst_noise > 0) {
