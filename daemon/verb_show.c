@@ -155,13 +155,17 @@ static void print_parameter(const struct estimate *m, int k) {
                sqrt(common));
 }
 
+static void print_bench(double offset_deg, double u_offset_deg, double p, double u_p) {
+    if (u_offset_deg > 0)
+        printf("    mirror       off by %.4f deg, u %.4f\n", offset_deg, u_offset_deg);
+    if (p != 0 || u_p > 0)
+        printf("    polarisation %12.4f   u %.4f\n", p, u_p);
+}
+
 static void print_found(const struct estimate *m) {
     if (m->minimised != MATERIAL_LOSS_ML)
         printf("    minimised    %s\n", material_loss_name(m->minimised));
-    if (m->u_mirror_offset_deg > 0)
-        printf("    mirror       off by %.4f deg, u %.4f\n", m->mirror_offset_deg, m->u_mirror_offset_deg);
-    if (m->polarisation != 0 || m->u_polarisation > 0)
-        printf("    polarisation %12.4f   u %.4f\n", m->polarisation, m->u_polarisation);
+    print_bench(m->mirror_offset_deg, m->u_mirror_offset_deg, m->polarisation, m->u_polarisation);
 }
 
 static void print_estimate(const struct estimate *m) {
@@ -211,6 +215,7 @@ static void print_joint(const struct joint *j) {
         else if (name && isfinite(j->value[p]))
             printf("    %-12s %12.6g   u %.2g\n", name, j->value[p], joint_u(j, p, -1));
     }
+    print_bench(j->mirror_offset_deg, j->u_mirror_offset_deg, j->polarisation, j->u_polarisation);
     for (int b = 0; b < BANDS; b++)
         if (isfinite(j->s_lambda[b]))
             worst = fmax(worst, joint_u(j, MATERIAL_S, b));

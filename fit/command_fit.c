@@ -9,6 +9,7 @@
 #include "fit/aperture.h"
 #include "fit/models.h"
 #include "fit/joint_fit.h"
+#include "fit/joint_text.h"
 #include "fit/loss.h"
 #include "fit/points_option.h"
 #include "fit/reflectance.h"
@@ -289,32 +290,6 @@ static json_t *input_to_json(const struct result *r) {
                      "left_out", left_out, "notes", notes);
 }
 
-static void print_joint(const struct result *r) {
-    const struct joint *j = &r->joint;
-    if (!r->has_joint || !j->converged) {
-        return;
-    }
-    printf("  joint fit of %d bands, %d values: chi-square %.5g, expected %.5g%s\n", j->n_bands, j->n_values,
-           j->chi2, j->chi2_expected, j->misfit ? ": the model does not fit, u from sweep scatter" : "");
-    for (int p = 0; p < MATERIAL_PARAMETERS; p++) {
-        const char *name = material_parameter_name(j->model, p);
-        if (name && isfinite(j->value[p])) {
-            printf("  %-11s %14.8g %12.3g%s\n", name, j->value[p], joint_u(j, p, -1),
-                   j->at_bound[p] ? "  at its bound" : "");
-        }
-    }
-    for (int b = 0; b < BANDS; b++) {
-        if (!isfinite(j->s_lambda[b])) {
-            continue;
-        }
-        printf("  S(%d nm)   %14.8g %12.3g", band_nm(b), j->s_lambda[b], joint_u(j, MATERIAL_S, b));
-        if (j->beta_prime_per_band) {
-            printf("  beta' %12.8g %10.3g", j->beta_prime[b], joint_u(j, MATERIAL_BETA_PRIME, b));
-        }
-        putchar('\n');
-    }
-}
-
 static json_t *result_to_json(const struct result *r, bool paper) {
     json_t *json = estimate_to_json(&r->estimate), *trace = json_array();
     for (size_t i = 0; i < r->trace.n; i++) {
@@ -443,7 +418,9 @@ static void print_file(const struct result *results, int n, bool paper, json_t *
     }
     if (!all) {
         print_text(results, paper);
-        print_joint(results);
+        if (results->has_joint && results->joint.converged) {
+            joint_text_print(&results->joint);
+        }
     }
     for (int i = 0; i < n; i++) {
         if (results[i].has_joint && !results[i].joint.converged) {

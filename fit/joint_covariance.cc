@@ -19,7 +19,6 @@ using Vector = Eigen::VectorXd;
 using Index = Eigen::Index;
 using ConstCells = Eigen::Map<const Matrix>;
 
-constexpr double AT_BOUND = 1e-7; /* as verdict.cc */
 /* White noise of pixels under triangles of 10 nm base every 5 nm: (1/6) / (2/3). */
 constexpr double NEIGHBOURS = 0.25;
 
@@ -107,12 +106,14 @@ class Covariance {
     void add_independent(Parts *p);
     void add_drift(Parts *p);
     void add_causes(Parts *p);
-    void add_cause(Parts *p, const struct estimate_common *c, double scale, const double *spot);
+    response add_cause(Parts *p, const struct estimate_common *c, double scale, const double *spot);
+    void add_own_causes(Parts *p);
     double change_of(const struct estimate_common *c, size_t at, size_t i, int band,
                      const double *spot) const;
     double togetherness(const struct estimate_common *c) const;
     Matrix to_rows() const;
     Vector inflation(const Matrix &rows, const Matrix &statistical) const;
+    void store_nuisances(const Parts &statistical);
     int store(const Parts &statistical, const Parts &common, struct err *e);
     size_t cell(int band, size_t i) const {
         return static_cast<size_t>(band) * d_->n + i;
@@ -126,14 +127,13 @@ class Covariance {
     int inner_;
     struct joint_form form_ = {};
     double expected_ = 0, variance_ = 0;
+    double nuisance_u2_[NUISANCES_MAX] = {}; /* of how far each is from what it was, by the common causes */
 };
 
 void Covariance::tell_bounds() {
     for (int c = 0; c < d_->p->k; c++) {
         const enum material_parameter parameter = reflectance_parameter(d_->p->model, c);
-        const double x = solution_->x[c];
-        out_->at_bound[parameter] =
-            parameter != MATERIAL_S && !(x > d_->p->low[c] + AT_BOUND && x < d_->p->high[c] - AT_BOUND);
+        out_->at_bound[parameter] = parameter != MATERIAL_S && problem_at_bound(d_->p, c, solution_->x[c]);
     }
 }
 
@@ -275,7 +275,8 @@ double Covariance::change_of(const struct estimate_common *c, size_t at, size_t 
     return std::isfinite(own) ? own : c->mean[at] * ratio;
 }
 
-void Covariance::add_cause(Parts *p, const struct estimate_common *c, double scale, const double *spot) {
+/* Returns what the cause does to the parameters, band by band. */
+response Covariance::add_cause(Parts *p, const struct estimate_common *c, double scale, const double *spot) {
     const int n = d_->n_bands;
     const size_t count = c->point ? c->n : d_->n;
     response sum{Matrix::Zero(form_.all, n), Matrix::Zero(inner_, n)};
@@ -302,18 +303,32 @@ void Covariance::add_cause(Parts *p, const struct estimate_common *c, double sca
     }
     p->add(sum, correlation);
     add_expectation(seen, before, p->sum);
+    return sum;
 }
 
 void Covariance::add_causes(Parts *p) {
     for (size_t c = 0; c < in_->n_common; c++) {
         add_cause(p, &in_->common[c], 1, nullptr);
     }
+    for (int z = 0; z < form_.all - form_.k; z++) {
+        nuisance_u2_[z] = p->sum(form_.k + z, form_.k + z);
+    }
+    add_own_causes(p);
+}
+
+/* A zero or P moves the nuisance that stands for it: what is left between both is the nuisance's error. */
+void Covariance::add_own_causes(Parts *p) {
     const std::vector<double> none(d_->n + 1);
     struct nuisance_cause own[NUISANCE_CAUSES];
     const int n_own = nuisance_causes(d_->p, none.data(), own);
     for (int c = 0; c < n_own; c++) {
         const struct estimate_common cause = {d_->n, nullptr, own[c].slope, nullptr};
-        add_cause(p, &cause, own[c].u, own[c].spot);
+        const response moved = add_cause(p, &cause, own[c].u, own[c].spot);
+        for (int z = 0; z < form_.all - form_.k; z++) {
+            const bool its = d_->p->nuisance.of[z].kind == own[c].kind;
+            const double left = moved.shared.row(form_.k + z).sum() - (its ? own[c].share * own[c].u : 0);
+            nuisance_u2_[z] += left * left;
+        }
     }
 }
 
@@ -380,6 +395,19 @@ Vector Covariance::inflation(const Matrix &rows, const Matrix &statistical) cons
     return factor;
 }
 
+void Covariance::store_nuisances(const Parts &statistical) {
+    const int m = form_.all - form_.k;
+    Matrix rows = Matrix::Zero(m, statistical.size());
+    rows.middleCols(form_.k, m).setIdentity();
+    const Matrix s = rows * statistical.sum * rows.transpose();
+    const Vector factor = out_->misfit ? inflation(rows, s) : Vector::Ones(m);
+    for (int z = 0; z < m; z++) {
+        const double u = std::sqrt(s(z, z) * factor(z) * factor(z) + nuisance_u2_[z]);
+        (d_->p->nuisance.of[z].kind == NUISANCE_OFFSET ? out_->u_mirror_offset_deg : out_->u_polarisation) =
+            u;
+    }
+}
+
 int Covariance::store(const Parts &statistical, const Parts &common, struct err *e) {
     const Matrix rows = to_rows();
     Matrix s = rows * statistical.sum * rows.transpose(), c = rows * common.sum * rows.transpose();
@@ -389,6 +417,7 @@ int Covariance::store(const Parts &statistical, const Parts &common, struct err 
         const Vector factor = inflation(rows, s);
         s = factor.asDiagonal() * s * factor.asDiagonal();
     }
+    store_nuisances(statistical);
     int status = joint_allocate(out_, static_cast<int>(s.rows()), e);
     for (Index i = 0; i < s.rows() && !status; i++) { /* symmetric to the last bit */
         for (Index j = 0; j < s.rows(); j++) {

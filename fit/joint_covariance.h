@@ -10,7 +10,7 @@
  *
  * Cost       linear in points and causes; quadratic in the bands, for their covariances.
  * Errors     -ERR_FIT the shared parameters cannot be told apart; -ERR_RANGE; -ERR_NOMEM.
- * Checked    tests/unit/test_joint.c: pulls over seeds
+ * Checked    tests/unit/test_joint.c and tests/unit/test_joint_nuisance.c: pulls over seeds
  */
 #ifndef FIT_JOINT_COVARIANCE_H
 #define FIT_JOINT_COVARIANCE_H
@@ -22,7 +22,7 @@
 extern "C" {
 #endif
 
-/* Fills rows, covariances, at_bound, chi2_expected and misfit of joint. model[n_bands * n] is the solution's. */
+/* Fills rows, covariances, at_bound, chi2_expected, misfit and the u of the nuisances of joint. model[n_bands * n] is the solution's. */
 int joint_covariance(const struct joint_data *d, const struct joint_solution *solution,
                      bool beta_prime_per_band, const double *model, struct joint *joint, struct err *e);
 

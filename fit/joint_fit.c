@@ -47,6 +47,12 @@ static void fill(struct joint *joint, const struct joint_data *d, const struct j
     joint->n_bands = d->n_bands;
     joint->chi2 = solution->chi2;
     joint->converged = solution->converged;
+    joint->polarisation = d->p->input->polarisation;
+    joint->u_polarisation = d->p->input->u_polarisation;
+    for (int z = 0; z < d->p->nuisance.m; z++) { /* their u comes with the covariance */
+        const struct nuisance *found = &d->p->nuisance.of[z];
+        *(found->kind == NUISANCE_OFFSET ? &joint->mirror_offset_deg : &joint->polarisation) = found->at;
+    }
 }
 
 /* Twice: with the u of the readings, and with what the model of the first makes of them. */

@@ -16,15 +16,13 @@ using Cells = Eigen::Map<Matrix>;
 using ConstCells = Eigen::Map<const Matrix>;
 
 constexpr double CONDITION_MAX = 1e6; /* as uncertainty.cc */
-constexpr double AT_BOUND = 1e-7;     /* as verdict.cc */
 
 void find_free(struct joint_form *f, const struct joint_data *d, const struct joint_solution *solution) {
     const struct problem *p = d->p;
     bool no_lobe = false;
     for (int c = 0; c < p->k; c++) {
         const enum material_parameter parameter = reflectance_parameter(p->model, c);
-        f->free[c] = parameter != MATERIAL_S && solution->x[c] > p->low[c] + AT_BOUND &&
-                     solution->x[c] < p->high[c] - AT_BOUND;
+        f->free[c] = parameter != MATERIAL_S && !problem_at_bound(p, c, solution->x[c]);
         no_lobe = no_lobe || (parameter == MATERIAL_BETA_PRIME && !f->free[c]);
     }
     for (int c = 0; c < p->k; c++) { /* no lobe: nothing in the data knows its shape */

@@ -267,15 +267,21 @@ int nuisance_move(struct problem *p, const double step[NUISANCES_MAX], struct er
     return p->nuisance.m > 0 ? move_model(p, e) : 0;
 }
 
-static int add_cause(struct nuisance_cause *cause, int n, const double *slope, const double *spot, double u) {
-    cause[n] = (struct nuisance_cause){slope, spot, u};
-    return u > 0 ? n + 1 : n;
+static int add_cause(struct nuisance_cause *cause, int n, struct nuisance_cause one) {
+    cause[n] = one;
+    return one.u > 0 ? n + 1 : n;
 }
 
 int nuisance_causes(const struct problem *p, const double *none,
                     struct nuisance_cause cause[NUISANCE_CAUSES]) {
     const struct estimate_input *in = p->input;
-    int n = add_cause(cause, 0, p->slope_source, p->spot_source, in->u_zero_source_deg);
-    n = add_cause(cause, n, p->slope_sample, p->spot_sample, in->u_zero_sample_deg);
-    return add_cause(cause, n, p->slope_polarisation, none, in->u_polarisation);
+    int n = add_cause(cause, 0,
+                      (struct nuisance_cause){p->slope_source, p->spot_source, in->u_zero_source_deg,
+                                              NUISANCE_OFFSET, 0.5});
+    n = add_cause(
+        cause, n,
+        (struct nuisance_cause){p->slope_sample, p->spot_sample, in->u_zero_sample_deg, NUISANCE_OFFSET, -1});
+    return add_cause(
+        cause, n,
+        (struct nuisance_cause){p->slope_polarisation, none, in->u_polarisation, NUISANCE_POLARISATION, 1});
 }

@@ -74,6 +74,8 @@ void nuisance_shift(const struct problem *p, size_t i, double *di_deg, double *d
 struct nuisance_cause {
     const double *slope, *spot;
     double u;
+    enum nuisance_kind kind; /* of the nuisance that one unit of it moves, and how far */
+    double share;
 };
 int nuisance_causes(const struct problem *p, const double *none,
                     struct nuisance_cause cause[NUISANCE_CAUSES]);

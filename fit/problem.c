@@ -11,6 +11,7 @@
 /* No visible mean is known better: counting alone leaves 1e-4 (measurement.md 6). */
 #define FLOOR_RELATIVE 1e-5
 #define FLOOR_ABSOLUTE 1e-7
+#define AT_BOUND 1e-7 /* in coordinates */
 
 static int check_point(const struct estimate_input *in, size_t i, struct err *e) {
     if (!(fabs(in->beta[i]) <= BETA_MAX)) {
@@ -94,6 +95,10 @@ static int check_input(const struct estimate_input *in, struct err *e) {
         }
     }
     return check_causes(in, e);
+}
+
+bool problem_at_bound(const struct problem *p, int column, double x) {
+    return !(x > p->low[column] + AT_BOUND && x < p->high[column] - AT_BOUND);
 }
 
 double problem_floor(double beta) {

@@ -47,6 +47,8 @@ void problem_residuals(const struct problem *p, size_t first, size_t n, const do
                        double *slope);
 /* Model and gradient at value into model_beta and gradient. */
 int problem_evaluate(struct problem *p, const double *value, struct err *e);
+/* Whether coordinate x of a column stands at one of its bounds, where the solvers stop exactly. */
+bool problem_at_bound(const struct problem *p, int column, double x);
 double problem_floor(double beta); /* what u of a mean or a band is raised to */
 bool problem_out_of_plane(const struct estimate_input *input, size_t i);
 /* Slopes along both axes, and what follows from them, of the last problem_evaluate. */

@@ -54,11 +54,6 @@ int reflectance_batch_curve(const struct reflectance_batch *batch, size_t first,
                             size_t stride, double *by_n_twice, struct err *e);
 
 enum reflectance_width reflectance_batch_width(void); /* the widest of this processor */
-/* The same with a width of the caller's, which the processor must have. */
-int reflectance_batch_eval_with(enum reflectance_width width, const struct reflectance_batch *batch,
-                                size_t first, size_t n, enum reflectance_model model, const double *value,
-                                const struct reflectance_optics *optics, double *beta, double *slope,
-                                size_t stride, struct err *e);
 
 #ifdef __cplusplus
 }

@@ -27,5 +27,10 @@ struct reflectance_wide_view { /* columns of one call, all at its first point */
 
 void reflectance_wide_run(enum reflectance_width width, enum reflectance_model model,
                           const struct reflectance_wide *x, const struct reflectance_wide_view *v);
+/* reflectance_batch_eval with a width of the caller's, which the processor must have. */
+int reflectance_batch_eval_with(enum reflectance_width width, const struct reflectance_batch *batch,
+                                size_t first, size_t n, enum reflectance_model model, const double *value,
+                                const struct reflectance_optics *optics, double *beta, double *slope,
+                                size_t stride, struct err *e);
 
 #endif

@@ -38,16 +38,6 @@ struct cause { /* a common cause, made alike for the user's and for the two axis
     }
 };
 
-/* One of what the instrument does not know of itself: u of it, and how much of a nuisance one unit of it is. */
-cause own_cause(const struct problem *p, const double *slope, const double *spot, double u,
-                enum nuisance_kind kind, double share) {
-    cause c{p->n, nullptr, slope, nullptr, u, true, spot};
-    for (int z = 0; z < p->nuisance.m; z++) {
-        c.nuisance[z] = p->nuisance.of[z].kind == kind ? share * u : 0;
-    }
-    return c;
-}
-
 std::vector<cause> causes_of(const struct problem *p) {
     const struct estimate_input *in = p->input;
     std::vector<cause> all;
@@ -55,17 +45,14 @@ std::vector<cause> causes_of(const struct problem *p) {
         const struct estimate_common *x = &in->common[c];
         all.push_back({x->point ? x->n : p->n, x->point, x->mean, x->bands, 1});
     }
-    if (in->u_zero_source_deg > 0) {
-        all.push_back(
-            own_cause(p, p->slope_source, p->spot_source, in->u_zero_source_deg, NUISANCE_OFFSET, 0.5));
-    }
-    if (in->u_zero_sample_deg > 0) {
-        all.push_back(
-            own_cause(p, p->slope_sample, p->spot_sample, in->u_zero_sample_deg, NUISANCE_OFFSET, -1));
-    }
-    if (in->u_polarisation > 0) {
-        all.push_back(
-            own_cause(p, p->slope_polarisation, nullptr, in->u_polarisation, NUISANCE_POLARISATION, 1));
+    struct nuisance_cause own[NUISANCE_CAUSES];
+    const int n_own = nuisance_causes(p, nullptr, own);
+    for (int x = 0; x < n_own; x++) {
+        cause c{p->n, nullptr, own[x].slope, nullptr, own[x].u, true, own[x].spot};
+        for (int z = 0; z < p->nuisance.m; z++) {
+            c.nuisance[z] = p->nuisance.of[z].kind == own[x].kind ? own[x].share * own[x].u : 0;
+        }
+        all.push_back(c);
     }
     return all;
 }

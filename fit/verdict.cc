@@ -20,7 +20,6 @@ namespace {
 /* A logarithmic uncertainty of 0.5 is a factor 1.65 either way: the value is then a guess, not a result. */
 constexpr double U_LN_MAX = 0.5;
 constexpr double STEP_LEFT_U = 0.1; /* of a parameter's u */
-constexpr double AT_BOUND = 1e-7;   /* in coordinates; the solver stops exactly on a bound */
 constexpr size_t FLANK_POINTS_MIN = 2;
 constexpr double NARROWEST_RAD =
     0.01; /* the lower bound of gamma: half of such a lobe is seen at this distance */
@@ -84,7 +83,7 @@ class Verdict {
 void Verdict::find_bounds() {
     const double *x = fit_->best.x;
     for (int j = 0; j < k_; j++) {
-        free_[j] = x[j] > p_->low[j] + AT_BOUND && x[j] < p_->high[j] - AT_BOUND;
+        free_[j] = !problem_at_bound(p_, j, x[j]);
         out_->at_bound[parameter(j)] = !free_[j];
     }
     for (int j = 0; j < k_; j++) { /* without a lobe nothing in the data knows its width, tail or index */
@@ -297,7 +296,7 @@ int Verdict::fill_limit(int column, struct err *e) {
 void Verdict::add_saturation(int column) {
     const double beyond = 0.4; /* in ln sigma: half as rough again */
     if (reflectance_kind(p_->model, parameter(column)) != REFLECTANCE_ROUGHNESS ||
-        fit_->best.x[column] < p_->high[column] - AT_BOUND) {
+        fit_->best.x[column] - p_->low[column] < p_->high[column] - fit_->best.x[column]) {
         return;
     }
     bool held[COORDINATES_MAX] = {};

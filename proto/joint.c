@@ -115,6 +115,15 @@ static void put_values(json_t *json, const struct joint *joint) {
     json_object_set_new(json, "at_bound", bounds);
 }
 
+json_t *joint_found_to_json(const struct joint *joint) {
+    json_t *json = json_object();
+    json_object_set_new(json, "mirror_offset_deg", number_or_null(joint->mirror_offset_deg));
+    json_object_set_new(json, "u_mirror_offset_deg", number_or_null(joint->u_mirror_offset_deg));
+    json_object_set_new(json, "polarisation", number_or_null(joint->polarisation));
+    json_object_set_new(json, "u_polarisation", number_or_null(joint->u_polarisation));
+    return json;
+}
+
 json_t *joint_to_json(const struct joint *joint) {
     double u_s[BANDS];
     for (int b = 0; b < BANDS; b++)
@@ -126,6 +135,9 @@ json_t *joint_to_json(const struct joint *joint) {
     json_object_set_new(json, "chi2", number_or_null(joint->chi2));
     json_object_set_new(json, "chi2_expected", number_or_null(joint->chi2_expected));
     put_values(json, joint);
+    json_t *found = joint_found_to_json(joint);
+    json_object_update(json, found);
+    json_decref(found);
     json_object_set_new(json, "s_lambda", list_of(joint->s_lambda, BANDS));
     json_object_set_new(json, "u_s_lambda", list_of(u_s, BANDS));
     if (joint->beta_prime_per_band)
@@ -205,9 +217,18 @@ static double number_of(const json_t *json, const char *key) {
     return json_is_number(number) ? json_number_value(number) : NAN;
 }
 
+/* Files and programs of before it was said say nothing: not fitted. */
+void joint_found_from_json(const json_t *json, struct joint *joint) {
+    joint->mirror_offset_deg = json_number_value(json_object_get(json, "mirror_offset_deg"));
+    joint->u_mirror_offset_deg = json_number_value(json_object_get(json, "u_mirror_offset_deg"));
+    joint->polarisation = json_number_value(json_object_get(json, "polarisation"));
+    joint->u_polarisation = json_number_value(json_object_get(json, "u_polarisation"));
+}
+
 static void take_values(const json_t *json, struct joint *joint) {
     const json_t *values = json_object_get(json, "parameters"), *name;
     size_t i;
+    joint_found_from_json(json, joint);
     joint->chi2 = number_of(json, "chi2");
     joint->chi2_expected = number_of(json, "chi2_expected");
     joint->kappa = number_of(values, "kappa");

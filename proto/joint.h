@@ -47,6 +47,9 @@ struct joint {
     double value[MATERIAL_PARAMETERS];
     bool at_bound[MATERIAL_PARAMETERS];
     double s_lambda[BANDS], beta_prime[BANDS];
+    double mirror_offset_deg,
+        u_mirror_offset_deg; /* as in struct estimate, but told by all bands; 0, 0: not fitted */
+    double polarisation, u_polarisation;
     int n;
     struct joint_row row[JOINT_ROWS];
     double *statistical, *common; /* [n * n], malloc'd; NULL where n is 0 */
@@ -62,6 +65,9 @@ double joint_u(const struct joint *joint, int parameter, int band);
 size_t joint_triangle(int n); /* numbers in an upper triangle with its diagonal */
 void joint_pack(int n, const double *matrix, double *triangle);
 void joint_unpack(int n, const double *triangle, double *matrix);
+/* What was found of the bench, alone: {"mirror_offset_deg", "u_mirror_offset_deg", "polarisation", "u_polarisation"}. */
+json_t *joint_found_to_json(const struct joint *joint);
+void joint_found_from_json(const json_t *json, struct joint *joint);
 json_t *joint_to_json(const struct joint *joint); /* NULL when out of memory */
 int joint_from_json(const json_t *json, struct joint *joint, struct err *e);
 

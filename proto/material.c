@@ -112,6 +112,9 @@ static void put_uncertainty(json_t *json, const struct estimate *m) {
         statistical[i] = sqrt(m->statistical[i][i]);
         common[i] = sqrt(m->common[i][i]);
         total[i] = sqrt(m->statistical[i][i] + m->common[i][i]);
+        if (total[i] == 0 &&
+            (m->at_bound[i] || m->not_identifiable[i])) /* not exact, but without any: null */
+            statistical[i] = common[i] = total[i] = NAN;
     }
     for (int i = 0; i < MATERIAL_PARAMETERS; i++)
         for (int k = 0; k < MATERIAL_PARAMETERS; k++)

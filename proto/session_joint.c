@@ -1,6 +1,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "proto/session_internal.h"
 
@@ -69,6 +70,35 @@ static int write_joint_row(struct session *s, int64_t id, const struct joint *j,
     return query_insert(q, NULL, e);
 }
 
+static void found_key(char key[40], int64_t id) {
+    snprintf(key, 40, "joint_found/%lld", (long long)id);
+}
+
+/* What the fit found of the bench is a text of its own: the tables of this user_version have no column for it. */
+static int write_found(struct session *s, int64_t id, const struct joint *j, struct err *e) {
+    char key[40];
+    found_key(key, id);
+    json_t *json = joint_found_to_json(j);
+    char *text = json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(17));
+    int rc = text ? session_set_text(s, key, text, e) : err_set(e, ERR_NOMEM, "%s: out of memory", s->path);
+    free(text);
+    json_decref(json);
+    return rc;
+}
+
+static int read_found(struct session *s, int64_t id, struct joint *j, struct err *e) {
+    char key[40], *text;
+    found_key(key, id);
+    int rc = session_get_text(s, key, &text, e);
+    if (rc < 0 || !text)
+        return rc;
+    json_t *json = json_loads(text, 0, NULL);
+    joint_found_from_json(json, j);
+    json_decref(json);
+    free(text);
+    return 0;
+}
+
 static int write_joint(struct session *s, const struct joint *j, struct err *e) {
     int64_t newest = 0;
     int rc = store_number(s->store, "SELECT max(id) FROM estimation", 0, &newest, e);
@@ -76,6 +106,8 @@ static int write_joint(struct session *s, const struct joint *j, struct err *e) 
         rc = write_head(s, newest, j, e);
     for (int i = 0; rc == 0 && i < j->n; i++)
         rc = write_joint_row(s, newest, j, i, e);
+    if (rc == 0 && (j->u_mirror_offset_deg > 0 || j->u_polarisation > 0))
+        rc = write_found(s, newest, j, e);
     return rc;
 }
 
@@ -173,7 +205,8 @@ int session_last_joint(struct session *s, struct joint *joint, struct err *e) {
     int rc = session_has_table(s, "estimation_joint") ? read_newest(s, joint, &id, e) : 0;
     if (rc == 0)
         return err_set(e, ERR_STATE, "%s: holds no joint fit", s->path);
-    if (rc < 0 || (rc = read_rows(s, id, joint, &n, e)) < 0 || (rc = joint_allocate(joint, n, e)) < 0)
+    if (rc < 0 || (rc = read_rows(s, id, joint, &n, e)) < 0 || (rc = read_found(s, id, joint, e)) < 0 ||
+        (rc = joint_allocate(joint, n, e)) < 0)
         return rc;
     rc = read_matrices(s, id, joint, e);
     if (rc < 0)

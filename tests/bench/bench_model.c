@@ -4,7 +4,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "fit/reflectance_batch.h"
+#include "fit/reflectance_wide.h"
 
 #define N 198
 #define ROOM 200

@@ -45,6 +45,14 @@ def test_the_estimate_agrees_in_words(goniod, name):
     assert "fitted estimate" in out and "chi2 per point" in out and out.endswith("agrees within its uncertainties\n")
 
 
+def test_what_all_bands_found_of_the_bench_is_kept(goniod, name):
+    joint = json.loads(goniod.order("show", name, "--json"))["joint"]
+    assert joint["converged"] and joint["u_mirror_offset_deg"] > 0, joint["refusal"]
+    told = f"off by {joint['mirror_offset_deg']:.4f} deg, u {joint['u_mirror_offset_deg']:.4f}"
+    text = goniod.order("show", name)
+    assert told in text[text.index("joint fit"):], text
+
+
 def test_bad_usage_is_2(goniod, name):
     for words, part in [(("--against", "recording"), "not there yet"), (("--against", "x"), "takes physics"),
                         (("--surface", "x"), "estimate or truth"), (("--seed", "x"), "whole number")]:
@@ -64,7 +72,8 @@ def test_an_altered_reading_is_named(goniod, name):
 
 
 def main():
-    tests = [test_the_truth_gives_the_same_bytes, test_the_estimate_agrees_in_words, test_bad_usage_is_2,
+    tests = [test_the_truth_gives_the_same_bytes, test_the_estimate_agrees_in_words,
+             test_what_all_bands_found_of_the_bench_is_kept, test_bad_usage_is_2,
              test_an_altered_reading_is_named]
     print(f"1..{len(tests)}")
     failed = 0

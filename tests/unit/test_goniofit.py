@@ -16,7 +16,7 @@ def run(*words, text=None):
     return done.returncode, done.stdout, done.stderr
 
 
-def formula(i_deg, v_deg, m):
+def formula(i_deg, v_deg, m, p=0.0):
     """The printed equations, in plane."""
     i, v = math.radians(i_deg), math.radians(v_deg)
     alpha, beta, side = max(i, abs(v)), min(i, abs(v)), -1 if v > 0 else 1
@@ -28,7 +28,8 @@ def formula(i_deg, v_deg, m):
     g = min(1, 2 * math.cos(phi) * min(math.cos(i), math.cos(v)) / math.cos(tq))
     c = math.cos(tq)
     root = math.sqrt(m["n"] ** 2 + c * c - 1)
-    f = 0.5 * ((root - c) / (root + c)) ** 2 * (1 + ((c * (root + c) - 1) / (c * (root - c) + 1)) ** 2)
+    f = 0.5 * ((root - c) / (root + c)) ** 2 * (
+        1 + p + (1 - p) * ((c * (root + c) - 1) / (c * (root - c) + 1)) ** 2)
     d = math.exp(-math.log(2) * (phi / m["gamma"]) ** 2)
     return diffuse + inter + m["beta_prime"] * d * g * f / (math.cos(i) * math.cos(v))
 
@@ -127,6 +128,57 @@ def test_fit_finds_what_eval_was_given(folder):
     assert code == 0 and len(rows_of(out)) == 198, err
     code, out, err = run("fit", path)
     assert code == 0 and "beta_prime" in out and "chi-square" in out
+
+
+def test_a_lobe_that_does_not_show_has_no_uncertainty(folder):
+    """Null and a reason, in JSON and in words: 0 would say that its width is known exactly."""
+    dice, path = random.Random(5), folder / "matte.csv"
+    rows = evaluated(folder, dict(MATERIAL, q=1, beta_prime=1e-9))
+    head, cells = "theta_i_deg,theta_v_deg", []
+    for row in rows:
+        u = 0.003 * row["beta"]
+        beta = [f"{row['beta'] + dice.gauss(0, u):.9g},{u:.4g}" for _ in range(2)]
+        cells.append(",".join([f"{row['theta_i_deg']},{row['theta_v_deg']}", *beta]))
+    path.write_text("\n".join([head + ",beta_500nm,u_500nm,beta_600nm,u_600nm", *cells]) + "\n")
+    code, out, err = run("fit", path, "--joint", "--json")
+    assert code == 0, err
+    fit = json.loads(out)
+    named = fit["at_bound"] + [gap["parameter"] for gap in fit["not_identifiable"] if gap["why"]]
+    without = [name for name, std in fit["std"].items() if std is None]
+    assert "gamma" in without and "n" in without and set(without) <= set(named), (fit["std"], named)
+    assert 0 not in fit["std"].values() and fit["std"]["S"] > 0
+    for part in ("std_statistical", "std_common"):
+        assert [name for name, std in fit[part].items() if std is None] == without
+    code, out, err = run("fit", path, "--joint")
+    assert code == 0 and "nan" not in out, out
+    for line in out.splitlines():
+        if line.split()[:1] in (["gamma"], ["n"]):
+            assert "at its bound" in line or (" - " in line and "not identifiable" in line), line
+
+
+def test_all_bands_tell_the_polarisation(folder):
+    """P, which no band alone tells so well, is among what the joint fit found: in JSON and in words."""
+    dice, path, p = random.Random(6), folder / "polarised.csv", 0.04
+    bands = {500: 0.1, 600: 0.3}
+    with open(path, "w") as f:
+        f.write("theta_i_deg,theta_v_deg," + ",".join(f"beta_{nm}nm,u_{nm}nm" for nm in bands) + "\n")
+        for i, v in ((i, v) for i in range(10, 61, 10) for v in range(-80, 81, 5)):
+            cells = [i, v]
+            for s in bands.values():
+                beta = formula(i, v, dict(MATERIAL, q=1, S=s), p)
+                cells += [f"{beta + dice.gauss(0, 0.003 * beta + 1e-4):.9g}", f"{0.003 * beta + 1e-4:.4g}"]
+            f.write(",".join(map(str, cells)) + "\n")
+    words = ("fit", path, "--joint", "--polarisation", "0,0.1")
+    code, out, err = run(*words, "--json")
+    assert code == 0, err
+    joint = json.loads(out)["joint"]
+    assert 0 < joint["u_polarisation"] < 0.03 and joint["u_mirror_offset_deg"] == 0, joint["u_polarisation"]
+    assert abs(joint["polarisation"] - p) < 3 * joint["u_polarisation"], joint["polarisation"]
+    code, out, err = run(*words)
+    rows = [line.split() for line in out[out.index("joint fit"):].splitlines()]
+    found = [row for row in rows if row and row[0] == "P"]
+    assert len(found) == 1 and abs(float(found[0][1]) - joint["polarisation"]) < 1e-6, out
+    assert abs(float(found[0][2]) / joint["u_polarisation"] - 1) < 0.01
 
 
 def test_what_the_instrument_is_known_to_be(folder):

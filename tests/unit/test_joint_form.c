@@ -16,6 +16,10 @@ static void make(struct joint *joint, bool per_band) {
     joint->n_points = 20;
     joint->n_values = 60;
     joint->n_bands = 3;
+    joint->mirror_offset_deg = -0.1 / 3;
+    joint->u_mirror_offset_deg = 0.01 / 3;
+    joint->polarisation = 0.1 / 7;
+    joint->u_polarisation = 0.01 / 7;
     for (int p = 0; p < MATERIAL_PARAMETERS; p++)
         joint->value[p] = p == MATERIAL_S || p > MATERIAL_N ? NAN : 0.1 + p / 7.0;
     joint->value[MATERIAL_BETA_PRIME] = per_band ? NAN : 3.3;
@@ -41,6 +45,8 @@ static void assert_same(const struct joint *a, const struct joint *b) {
     assert_true(a->converged == b->converged && a->misfit == b->misfit && a->kappa == b->kappa);
     assert_true(a->n_points == b->n_points && a->n_values == b->n_values && a->n_bands == b->n_bands);
     assert_true(a->chi2 == b->chi2 && a->chi2_expected == b->chi2_expected && a->n == b->n);
+    assert_true(a->mirror_offset_deg == b->mirror_offset_deg && a->polarisation == b->polarisation);
+    assert_true(a->u_mirror_offset_deg == b->u_mirror_offset_deg && a->u_polarisation == b->u_polarisation);
     assert_memory_equal(a->at_bound, b->at_bound, sizeof a->at_bound);
     for (int p = 0; p < MATERIAL_PARAMETERS; p++)
         assert_true(a->value[p] == b->value[p] || (isnan(a->value[p]) && isnan(b->value[p])));

@@ -137,13 +137,14 @@ static void it_ends_at_the_minimum_with_the_priors(void **state) {
 static void parameters_lie_as_far_off_as_they_state(void **state) {
     (void)state;
     struct dice d = {32};
-    double square[MATERIAL_N + 1] = {0};
+    double square[MATERIAL_N + 1] = {0}, offset2 = 0, p2 = 0;
     int misfits = 0;
     for (int draw = 0; draw < DRAWS; draw++) {
         struct estimate means;
         struct joint joint;
         const double source = U_SOURCE_DEG * dice_normal(&d), sample = U_SAMPLE_DEG * dice_normal(&d);
-        measure(source, sample, U_P * dice_normal(&d), &d);
+        const double polarisation = U_P * dice_normal(&d);
+        measure(source, sample, polarisation, &d);
         assert_int_equal(estimate_fit(&m.input, &means, NULL), 0);
         assert_int_equal(joint_fit(&m.input, &means, false, &joint, NULL), 0);
         assert_true(joint.converged);
@@ -151,8 +152,13 @@ static void parameters_lie_as_far_off_as_they_state(void **state) {
         for (int p = MATERIAL_SIGMA; p <= MATERIAL_N; p++) {
             square[p] += pow((joint.value[p] - m.value[p]) / joint_u(&joint, p, -1), 2) / DRAWS;
         }
+        offset2 += pow((joint.mirror_offset_deg - (source / 2 - sample)) / joint.u_mirror_offset_deg, 2);
+        p2 += pow((joint.polarisation - polarisation) / joint.u_polarisation, 2);
+        assert_true(joint.u_mirror_offset_deg < 0.8 * U_SAMPLE_DEG && joint.u_polarisation < 0.8 * U_P);
         joint_free(&joint);
     }
+    print_message("# the same of the mirror offset %.2f, of P %.2f\n", offset2 / DRAWS, p2 / DRAWS);
+    assert_true(offset2 / DRAWS > 0.35 && offset2 / DRAWS < 2.05 && p2 / DRAWS > 0.35 && p2 / DRAWS < 2.05);
     print_message("# mean squares of %d pulls: sigma %.2f, gamma %.2f, beta' %.2f, n %.2f\n", DRAWS,
                   square[MATERIAL_SIGMA], square[MATERIAL_GAMMA], square[MATERIAL_BETA_PRIME],
                   square[MATERIAL_N]);

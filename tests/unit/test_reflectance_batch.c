@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "fit/lobe.h"
-#include "fit/reflectance_batch.h"
+#include "fit/reflectance_wide.h"
 
 #define COUNT(array) (sizeof(array) / sizeof *(array))
 #define N 203 /* no multiple of the lanes */

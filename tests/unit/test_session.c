@@ -301,6 +301,10 @@ static void a_joint_fit_stands_beside_its_estimate(void **state) {
     assert_int_equal(session_last_joint(s, &back, NULL), -ERR_STATE);
     joint.at_bound[MATERIAL_N] = true;
     joint.value[MATERIAL_SIGMA] = 0.3;
+    joint.mirror_offset_deg = -0.1 / 3;
+    joint.u_mirror_offset_deg = 0.01 / 3;
+    joint.polarisation = 0.1 / 7;
+    joint.u_polarisation = 0.01 / 7;
     joint.value[MATERIAL_BETA_PRIME] = 7.5;
     for (int b = 0; b < BANDS; b++)
         joint.s_lambda[b] = b == 3 || b == 80 ? b / 100.0 : NAN;
@@ -324,6 +328,9 @@ static void a_joint_fit_stands_beside_its_estimate(void **state) {
     assert_memory_equal(back.common, joint.common, 9 * sizeof(double));
     assert_true(back.s_lambda[3] == 0.03 && back.s_lambda[80] == 0.8 && isnan(back.s_lambda[4]));
     assert_true(back.beta_prime[80] == 7.5 && isnan(back.beta_prime[0]) && back.value[MATERIAL_SIGMA] == 0.3);
+    assert_doubles(
+        (double[]){back.mirror_offset_deg, back.u_mirror_offset_deg, back.polarisation, back.u_polarisation},
+        (double[]){-0.1 / 3, 0.01 / 3, 0.1 / 7, 0.01 / 7}, 4);
     joint_free(&back);
     joint_free(&joint);
     ROW_OK(session_close(s, e));
