@@ -63,7 +63,7 @@ $(BUILD)/%.o: %.c
 	@$(CC) $(CFLAGS_ALL) -c $< -o $@
 
 # Loops to be turned into vectors: no value depends on these (sqrt sets no errno, no trap is taken).
-$(BUILD)/fit/reflectance_wide.o $(BUILD)/fit/products.o: CFLAGS_ALL += -O3 -fno-math-errno -fno-trapping-math
+$(BUILD)/fit/reflectance_wide.o $(BUILD)/fit/products.o $(BUILD)/fit/render/path_carry.o: CFLAGS_ALL += -O3 -fno-math-errno -fno-trapping-math
 
 $(BUILD)/%.o: %.cc
 	@mkdir -p $(@D)

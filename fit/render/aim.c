@@ -1,5 +1,7 @@
 #include "fit/render/aim.h"
 
+#include "fit/render/sampler.h"
+
 #define LIFT 1e-6 /* of the scene's size */
 /* By error for the same time on folds of the published paints: flat from 0.75 to 0.95. */
 #define SHARE 0.9
@@ -168,14 +170,15 @@ void aim_from(const struct aim *aim, const struct hit *hit, struct aim_view *vie
     view->share = view->n_sectors == 0 ? 0 : aim->hollow[hit->shape] ? SHARE_HOLLOW : SHARE;
 }
 
-struct vec3 aim_sample(const struct aim_view *view, double pick, const double u[2]) {
-    double rest = pick * view->area;
+struct vec3 aim_sample(const struct aim_view *view, const double u[2]) {
+    double rest = u[0] * view->area;
     int i = 0;
     while (i + 1 < view->n_sectors && rest >= view->sector[i].area) {
         rest -= view->sector[i++].area;
     }
     const struct aim_sector *x = &view->sector[i];
-    double azimuth = x->azimuth + (2 * u[1] - 1) * x->half, sin2 = x->low + u[0] * (x->high - x->low);
+    double azimuth = x->azimuth + (2 * u[1] - 1) * x->half,
+           sin2 = x->low + sampler_within(rest, x->area) * (x->high - x->low);
     double radius = sqrt(sin2), height = sqrt(1 - sin2);
     struct vec3 across =
         vec3_add(vec3_scale(view->s, radius * cos(azimuth)), vec3_scale(view->t, radius * sin(azimuth)));

@@ -51,8 +51,8 @@ struct aim_view { /* from one point */
 void aim_make(struct aim *aim, const struct scene *scene);
 /* n_sectors and share 0: nothing is seen. */
 void aim_from(const struct aim *aim, const struct hit *hit, struct aim_view *view);
-/* pick, u: three independent numbers in (0, 1); the view must hold a sector. */
-struct vec3 aim_sample(const struct aim_view *view, double pick, const double u[2]);
+/* u: two independent numbers in (0, 1); the view must hold a sector. */
+struct vec3 aim_sample(const struct aim_view *view, const double u[2]);
 double aim_density(const struct aim_view *view, struct vec3 l);
 
 #endif

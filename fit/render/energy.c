@@ -24,6 +24,7 @@ void energy_make(struct energy *energy, const struct paint *paint, enum energy_p
         mean += paint->s[k] / BANDS;
     }
     energy->s_max = s;
+    energy->s_mean = mean;
     for (int i = 0; i < ENERGY_ANGLES; i++) {
         double theta_deg = deg_from_rad(acos(i / (ENERGY_ANGLES - 1.0)));
         struct albedo x = albedo_at(paint, fmin(theta_deg, GRAZING_DEG));

@@ -21,7 +21,7 @@
 enum energy_policy { ENERGY_SCALE, ENERGY_REPORT };
 
 struct energy { /* of one paint */
-    double s_max;
+    double s_max, s_mean;
     double excess[ENERGY_ANGLES]; /* max(1, A) */
     double share
         [ENERGY_ANGLES]; /* of the lobe in A, with the mean S: how often its directions are worth drawing */

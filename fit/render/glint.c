@@ -1,6 +1,7 @@
 #include "fit/render/glint.h"
 
 #include "fit/render/facet.h"
+#include "fit/render/sampler.h"
 
 #define MOST 0.5 /* of the draws: other light is not to be starved */
 
@@ -13,8 +14,11 @@ static bool direction_of(const struct light *light, struct vec3 from, struct vec
 static void add_glint(struct glints *glints, const struct scene *scene, const struct aim_target *target,
                       int index, const struct light *light, const struct energy *energy) {
     struct glint g = {.target = index,
+                      .shape = target,
                       .drawn = &scene->paint[target->paint].drawn,
-                      .normal = vec3_unit(vec3_cross(target->u, target->v))};
+                      .normal = vec3_unit(vec3_cross(target->u, target->v)),
+                      .s_mean = energy[target->paint].s_mean,
+                      .light = light->share};
     bool shines = direction_of(light, target->middle, &g.l) && vec3_dot(g.l, g.normal) > 0;
     g.share = shines ? energy_share(&energy[target->paint], vec3_dot(g.l, g.normal)) : 0;
     if (g.share > 0 && glints->n < GLINTS) {
@@ -50,15 +54,16 @@ void glint_from(const struct glints *glints, const struct aim_view *seen, struct
     view->share = shade_least(view->sum, MOST);
 }
 
-bool glint_sample(const struct glint_view *view, double pick, const double u[2], struct vec3 *l) {
-    double rest = pick * view->sum;
+bool glint_sample(const struct glint_view *view, const double u[2], struct vec3 *l) {
+    double rest = u[0] * view->sum;
     int i = 0;
     while (i + 1 < view->n && rest >= view->glint[i]->share) {
         rest -= view->glint[i++]->share;
     }
     const struct glint *g = view->glint[i];
+    const double own[2] = {sampler_within(rest, g->share), u[1]};
     struct vec3 o;
-    bool drawn = facet_sample(g->drawn, g->normal, g->l, u, &o);
+    bool drawn = facet_sample(g->drawn, g->normal, g->l, own, &o);
     *l = vec3_scale(o, -1);
     return drawn;
 }

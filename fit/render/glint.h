@@ -20,8 +20,10 @@
 
 struct glint {
     int target; /* of aim */
+    const struct aim_target *shape;
     const struct shade_paint *drawn;
     struct vec3 normal, l;
+    double s_mean, light; /* of its paint; the light's share in all */
     double share;
 };
 
@@ -40,7 +42,8 @@ struct glint_view { /* from one point; share: of all together, at most 1/2 */
 void glint_make(struct glints *glints, const struct scene *scene, const struct aim *aim,
                 const struct energy *energy);
 void glint_from(const struct glints *glints, const struct aim_view *seen, struct glint_view *view);
-bool glint_sample(const struct glint_view *view, double pick, const double u[2], struct vec3 *l);
+/* u: two independent numbers in (0, 1); the view must hold a glint. */
+bool glint_sample(const struct glint_view *view, const double u[2], struct vec3 *l);
 double glint_density(const struct glint_view *view, struct vec3 l);
 
 #endif

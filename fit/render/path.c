@@ -13,32 +13,64 @@ static struct vec3 draw_cosine(struct vec3 n, const double u[2]) {
     return vec3_add(across, vec3_scale(n, sqrt(1 - u[0])));
 }
 
-void path_begin(const struct trace *t, const struct hit *hit, struct vec3 v, struct path_place *place) {
+static void begin(const struct trace *t, const struct hit *hit, struct vec3 v, bool first,
+                  struct path_place *place) {
     place->hit = *hit;
     place->v = v;
     aim_from(t->aim, hit, &place->seen);
     glint_from(t->glints, &place->seen, &place->glints);
-    double others = 1;
-    place->by_facets = energy_share(&t->energy[hit->paint], vec3_dot(hit->normal, v));
-    others -= place->by_facets;
-    place->by_glints = place->glints.share * others;
-    others -= place->by_glints;
-    place->by_aim = place->seen.share * others;
-    place->by_cosine = others - place->by_aim;
+    gleam_none(&place->gleams);
+    if (first) {
+        const struct gleam_surface near = {&t->scene->paint[hit->paint].drawn, hit->normal, v,
+                                           t->energy[hit->paint].s_mean};
+        gleam_from(&place->glints, &place->seen, &near, hit->position, &place->gleams);
+    }
+    const struct gleam_parts *part = &place->gleams.part;
+    double others = 1 - part->gleams - part->facets - part->glints - part->aim, rest = others;
+    rest -= place->by_facets = energy_share(&t->energy[hit->paint], vec3_dot(hit->normal, v)) * others;
+    rest -= place->by_glints = place->glints.share * rest;
+    place->by_aim = place->seen.share * rest;
+    place->by_cosine = rest - place->by_aim;
+    place->by_gleams = part->gleams;
+    place->by_facets += part->facets;
+    place->by_glints += part->glints;
+    place->by_aim += part->aim;
 }
 
-/* Takes as many numbers wherever it is. */
+void path_begin(const struct trace *t, const struct hit *hit, struct vec3 v, struct path_place *place) {
+    begin(t, hit, v, true, place);
+}
+
+/* Of the number left, whether it falls into this way; what is left of it. */
+static bool falls_into(double share, double *left) {
+    if (*left < share) {
+        *left = sampler_within(*left, share);
+        return true;
+    }
+    *left -= share;
+    return false;
+}
+
+/* One pair of numbers for the way and the direction, wherever it is. */
 static bool draw(const struct trace *t, const struct path_place *p, struct sampler *sampler, struct vec3 *l) {
-    double choice[2], u[2];
-    sampler_2d(sampler, choice);
+    double u[2];
     sampler_2d(sampler, u);
-    if ((choice[0] -= p->by_facets) < 0) {
+    if (falls_into(p->by_gleams, &u[0])) {
+        *l = gleam_sample(&p->gleams, u);
+        return true;
+    }
+    if (falls_into(p->by_facets, &u[0])) {
         return facet_sample(&t->scene->paint[p->hit.paint].drawn, p->hit.normal, p->v, u, l);
     }
-    if ((choice[0] -= p->by_glints) < 0) {
-        return glint_sample(&p->glints, choice[1], u, l);
+    if (falls_into(p->by_glints, &u[0])) {
+        return glint_sample(&p->glints, u, l);
     }
-    *l = choice[0] < p->by_aim ? aim_sample(&p->seen, choice[1], u) : draw_cosine(p->hit.normal, u);
+    if (falls_into(p->by_aim, &u[0])) {
+        *l = aim_sample(&p->seen, u);
+    } else {
+        u[0] = sampler_within(u[0], p->by_cosine);
+        *l = draw_cosine(p->hit.normal, u);
+    }
     return true;
 }
 
@@ -47,6 +79,7 @@ static double density_of(const struct trace *t, const struct path_place *p, stru
     if (p->by_facets > 0) {
         sum += p->by_facets * facet_density(&t->scene->paint[p->hit.paint].drawn, p->hit.normal, p->v, l);
     }
+    sum += p->by_gleams > 0 ? p->by_gleams * gleam_density(&p->gleams, l) : 0;
     sum += p->by_glints > 0 ? p->by_glints * glint_density(&p->glints, l) : 0;
     return sum + (p->by_aim > 0 ? p->by_aim * aim_density(&p->seen, l) : 0);
 }
@@ -116,33 +149,8 @@ void path_find(const struct trace *t, const struct path_place *first, struct sam
         trace_direct_at(t, &next, v, step->light, counts);
         trace_area_at(t, &next, v, sampler, step->light, counts);
         if (++path->n < most) {
-            path_begin(t, &next, v, &later);
+            begin(t, &next, v, false, &later);
             p = &later;
         }
-    }
-}
-
-static void carry_step(const struct path_step *step, const struct scene *scene, double *carried,
-                       double (*spectrum)[BANDS]) {
-    const double *from = scene->paint[step->from].s, *to = scene->paint[step->to].s;
-    const struct shade_abc x = step->scatter;
-    for (int k = 0; k < BANDS; k++) {
-        carried[k] *= (x.b * from[k] + x.a) * from[k] + x.c;
-    }
-    for (int j = 0; j < scene->n_spds; j++) {
-        const struct shade_abc d = step->light[j];
-        for (int k = 0; k < BANDS && (d.a > 0 || d.c > 0); k++) {
-            spectrum[j][k] += carried[k] * ((d.b * to[k] + d.a) * to[k] + d.c);
-        }
-    }
-}
-
-void path_carry(const struct path *path, const struct scene *scene, double part, double (*spectrum)[BANDS]) {
-    double carried[BANDS];
-    for (int k = 0; k < BANDS; k++) {
-        carried[k] = part;
-    }
-    for (int i = 0; i < path->n; i++) {
-        carry_step(&path->step[i], scene, carried, spectrum);
     }
 }

@@ -7,9 +7,10 @@
  * a_m, b_m, c_m: scattered over the density of its direction, S of the paint it was scattered by; the last bracket: the
  * direct light of the surface reached, S of its paint.
  *
- * Directions in one of four ways, with the exact density of all together: as the lobe's facets reflect (facet.h), as
+ * Directions in one of five ways, with the exact density of all together: as the lobe's facets reflect (facet.h), as
  *            often as energy.h says; else where flat surfaces mirror a light (glint.h), at other surfaces (aim.h), and
- *            by the cosine to the normal.
+ *            by the cosine to the normal. From what the camera sees, which all paths of a camera ray share, also where
+ *            both lobes mirror a light (gleam.h), each way mostly as often as it is estimated to be worth there.
  * Length     scene->image.bounces surfaces, the first included. Beyond PATH_SURE steps a path goes on by chance
  *            (probability at most PATH_GOES_ON), weighted for those that did not.
  * Promises   the mean over samples of r is that of all paths: no bias. Negative diffuse terms are set to 0 and counted.
@@ -20,6 +21,7 @@
 #define FIT_RENDER_PATH_H
 
 #include "fit/render/energy.h"
+#include "fit/render/gleam.h"
 #include "fit/render/sampler.h"
 #include "fit/render/trace.h"
 
@@ -34,7 +36,8 @@ struct path_place { /* a surface seen along v, and how often directions are draw
     struct vec3 v;
     struct aim_view seen;
     struct glint_view glints;
-    double by_facets, by_glints, by_aim, by_cosine; /* together 1 */
+    struct gleam_view gleams;
+    double by_gleams, by_facets, by_glints, by_aim, by_cosine; /* together 1 */
 };
 
 struct path_step {

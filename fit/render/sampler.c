@@ -1,5 +1,7 @@
 #include "fit/render/sampler.h"
 
+#define STEP 0x1p-32
+
 static uint32_t reverse(uint32_t x) {
     x = __builtin_bswap32(x);
     x = (x >> 4 & 0x0f0f0f0fu) | (x & 0x0f0f0f0fu) << 4;
@@ -37,7 +39,7 @@ static uint32_t second(uint32_t index) {
 }
 
 static double in_unit(uint32_t x) {
-    return (x + 0.5) * 0x1p-32;
+    return (x + 0.5) * STEP;
 }
 
 void sampler_start(struct sampler *s, uint32_t seed, uint32_t pixel, uint32_t sample) {
@@ -56,4 +58,9 @@ double sampler_1d(struct sampler *s) {
     double u[2];
     sampler_2d(s, u);
     return u[0];
+}
+
+double sampler_within(double at, double part) {
+    double u = at / part;
+    return u > STEP / 2 ? u < 1 - STEP / 2 ? u : 1 - STEP / 2 : STEP / 2;
 }

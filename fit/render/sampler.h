@@ -24,5 +24,8 @@ struct sampler {
 void sampler_start(struct sampler *s, uint32_t seed, uint32_t pixel, uint32_t sample);
 void sampler_2d(struct sampler *s, double u[2]);
 double sampler_1d(struct sampler *s);
+/* Of a number that fell at `at` into one of several parts, this one from 0 to `part`: where in it, as even in (0, 1) as
+ * the number was. So one pair chooses a way and a direction, and the directions of each way are evenly spread. */
+double sampler_within(double at, double part);
 
 #endif

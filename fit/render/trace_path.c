@@ -6,15 +6,18 @@
 /* The spectrum of one path into the sample's; its Y. */
 static double take_spectrum(const struct trace *t, const struct path *path, struct trace_sample *sample) {
     double own[PLANES_SETS][BANDS], y = 0;
+    if (path->n == 0) {
+        return 0;
+    }
     memset(own, 0, (size_t)t->scene->n_spds * sizeof *own);
-    path_carry(path, t->scene, 1, own);
+    path_carry(path, t->scene, 1.0 / t->repeats, own);
     for (int j = 0; j < t->scene->n_spds; j++) {
         for (int k = 0; k < BANDS; k++) {
             y += t->y->band[j][k] * own[j][k];
-            sample->indirect[j][k] += own[j][k] / t->repeats;
+            sample->indirect[j][k] += own[j][k];
         }
     }
-    return y;
+    return y * t->repeats;
 }
 
 /* What the lights alone make stays a, b, c; paths add what comes after it. */

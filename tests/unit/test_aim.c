@@ -67,11 +67,10 @@ static void check_hit(const struct scene *scene, const struct aim *aim, const st
         return;
     for (uint32_t n = 0; n < N; n++) {
         struct sampler sampler;
-        double pick[2], u[2];
+        double u[2];
         sampler_start(&sampler, 6, 0, n);
-        sampler_2d(&sampler, pick);
         sampler_2d(&sampler, u);
-        struct vec3 l = aim_sample(&view, pick[0], u);
+        struct vec3 l = aim_sample(&view, u);
         assert_true(fabs(vec3_length(l) - 1) < 1e-12 && aim_density(&view, l) > 0);
         drawn += l.x * l.x / N;
     }
@@ -135,7 +134,7 @@ static void a_glint_is_where_the_mirror_is(void **state) {
         whole += 4 * M_PI * glint_density(&view, even) / N;
         moment += 4 * M_PI * glint_density(&view, even) * even.x * even.x / N;
         sampler_2d(&sampler, u);
-        assert_true(glint_sample(&view, 0.5, u, &l) && glint_density(&view, l) > 0);
+        assert_true(glint_sample(&view, u, &l) && glint_density(&view, l) > 0);
         drawn += l.x * l.x / N;
     }
     if (!(fabs(whole - 1) < 0.01 && fabs(drawn - moment) < 0.01))

@@ -1,0 +1,216 @@
+#include "fit/render/gleam.h"
+
+#include "fit/render/sampler.h"
+
+#define MOST 0.9      /* of the draws by the estimate: something may stand in between */
+#define LEAST 1e-3    /* of a bell in front of its target; with less it is not drawn by */
+#define LOGISTIC 0.41 /* scale of the logistic density by which exp(-x^2) has the least mean square weight */
+/* Of least squares; for lobes of 0.3 rad the middle then stands to a tenth of their width. */
+#define STEPS 3
+
+struct fit { /* sum of k |r + J x|^2 over both lobes: its matrix and its gradient, both halved */
+    double xx, xy, yy, x, y;
+};
+
+static struct vec3 mirror(const struct gleam_surface *s) {
+    return vec3_sub(vec3_scale(s->normal, 2 * vec3_dot(s->normal, s->way)), s->way);
+}
+
+/* k of exp(-k phi^2), near the lobe's middle. */
+static double narrowness(const struct shade_paint *p) {
+    return p->tail > 0 ? p->tail_strength : p->exponent;
+}
+
+/* One lobe around w, the direction away from the surface; ex, ey: where w goes as x and y grow. */
+static void add_lobe(const struct gleam_surface *s, struct vec3 w, struct vec3 ex, struct vec3 ey,
+                     struct fit *fit) {
+    struct vec3 sum = vec3_add(s->way, w), h = vec3_unit(sum), t[2];
+    double each = 1 / vec3_length(sum), k = narrowness(s->drawn);
+    vec3_frame(s->normal, &t[0], &t[1]);
+    for (int i = 0; i < 2; i++) {
+        double r = vec3_dot(t[i], h), jx = each * (vec3_dot(t[i], ex) - r * vec3_dot(h, ex)),
+               jy = each * (vec3_dot(t[i], ey) - r * vec3_dot(h, ey));
+        fit->xx += k * jx * jx;
+        fit->xy += k * jx * jy;
+        fit->yy += k * jy * jy;
+        fit->x += k * jx * r;
+        fit->y += k * jy * r;
+    }
+}
+
+static struct fit fit_around(const struct gleam_surface *near, const struct gleam_surface *far,
+                             struct vec3 middle, struct vec3 ex, struct vec3 ey) {
+    struct fit fit = {0};
+    add_lobe(near, middle, ex, ey, &fit);
+    add_lobe(far, vec3_scale(middle, -1), vec3_scale(ex, -1), vec3_scale(ey, -1), &fit);
+    return fit;
+}
+
+bool gleam_make(const struct gleam_surface *near, const struct gleam_surface *far, struct gleam *gleam) {
+    double k_near = narrowness(near->drawn), k_far = narrowness(far->drawn);
+    struct vec3 m = vec3_unit(vec3_add(vec3_scale(mirror(near), k_near), vec3_scale(mirror(far), -k_far)));
+    struct vec3 ex, ey;
+    for (int i = 0; i <= STEPS; i++) {
+        vec3_frame(m, &ex, &ey);
+        struct fit f = fit_around(near, far, m, ex, ey);
+        double det = f.xx * f.yy - f.xy * f.xy, root = sqrt(f.xx), height = sqrt(det / f.xx);
+        if (!(det > 0 && det < INFINITY)) {
+            return false;
+        }
+        if (i == STEPS) { /* P = R'R, R = (root, xy/root; 0, height): x = R^-1 g for g of the round bell */
+            gleam->axis[0] = vec3_scale(ex, 1 / root);
+            gleam->axis[1] = vec3_scale(vec3_sub(ey, vec3_scale(ex, f.xy / f.xx)), 1 / height);
+            gleam->dual[0] = vec3_add(vec3_scale(ex, root), vec3_scale(ey, f.xy / root));
+            gleam->dual[1] = vec3_scale(ey, height);
+            gleam->peak = sqrt(det);
+            gleam->cut = -INFINITY;
+            gleam->kept = 1;
+        } else {
+            double x = (f.xy * f.y - f.yy * f.x) / det, y = (f.xy * f.x - f.xx * f.y) / det;
+            m = vec3_unit(vec3_add(m, vec3_add(vec3_scale(ex, x), vec3_scale(ey, y))));
+        }
+    }
+    gleam->middle = m;
+    return vec3_dot(m, near->normal) > 0 && vec3_dot(m, far->normal) < 0;
+}
+
+/* A bell whose part below x is known in closed form, as wide as exp(-x^2): the logistic density. */
+static double below(double x) {
+    return 1 / (1 + exp(-x / LOGISTIC));
+}
+
+static double below_inverse(double u) {
+    return LOGISTIC * log(u / (1 - u));
+}
+
+static double bell(double x) {
+    double t = exp(-fabs(x) / LOGISTIC);
+    return t / (LOGISTIC * (1 + t) * (1 + t));
+}
+
+static void turn_axes(struct vec3 axis[2], double c, double s) {
+    struct vec3 first = vec3_add(vec3_scale(axis[0], c), vec3_scale(axis[1], s));
+    axis[1] = vec3_sub(vec3_scale(axis[1], c), vec3_scale(axis[0], s));
+    axis[0] = first;
+}
+
+void gleam_cut(struct gleam *gleam, const struct aim_target *target, struct vec3 from) {
+    struct vec3 way = vec3_sub(target->middle, from);
+    double nearest = INFINITY, c = 1, s = 0;
+    for (int i = 0; i < 4; i++) {
+        struct vec3 side = i % 2 ? target->u : target->v, out = i % 2 ? target->v : target->u;
+        double sign = i < 2 ? 1 : -1;
+        struct vec3 inward = vec3_cross(vec3_add(way, vec3_scale(out, sign)), side);
+        inward = vec3_scale(inward, vec3_dot(inward, way) < 0 ? -1 : 1);
+        double x = vec3_dot(inward, gleam->axis[0]), y = vec3_dot(inward, gleam->axis[1]);
+        double length = hypot(x, y), away = vec3_dot(inward, gleam->middle) / length;
+        if (length > 0 && away < nearest) {
+            nearest = away;
+            c = x / length;
+            s = y / length;
+        }
+    }
+    turn_axes(gleam->axis, c, s);
+    turn_axes(gleam->dual, c, s);
+    gleam->cut = -nearest;
+    gleam->kept = 1 - below(gleam->cut);
+}
+
+struct two_ways {
+    double diffuse, gloss;
+};
+
+static struct two_ways ways_of(const struct gleam_surface *s, struct vec3 w) {
+    struct shade_abc x =
+        shade(SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES, s->drawn, NULL, s->normal, w, s->way);
+    return (struct two_ways){shade_most(x.a, 0) * s->s_mean + x.b * s->s_mean * s->s_mean, x.c};
+}
+
+/* The lobe's integral over directions, its height 1. */
+static double extent(const struct gleam_surface *s) {
+    return 4 * M_PI * vec3_dot(s->normal, s->way) / narrowness(s->drawn);
+}
+
+/* What comes over both surfaces in each of the four ways; area: of the far one as seen (aim.h). */
+static struct gleam_parts parts_of(const struct gleam_surface *near, const struct gleam_surface *far,
+                                   const struct gleam *gleam, double area) {
+    struct vec3 at_near = mirror(near), at_far = vec3_scale(mirror(far), -1), m = gleam->middle;
+    struct two_ways a = ways_of(near, m), b = ways_of(far, vec3_scale(m, -1));
+    return (struct gleam_parts){
+        .gleams = a.gloss * b.gloss * M_PI / gleam->peak * gleam->kept,
+        .facets = ways_of(near, at_near).gloss * ways_of(far, vec3_scale(at_near, -1)).diffuse * extent(near),
+        .glints = ways_of(near, at_far).diffuse * ways_of(far, mirror(far)).gloss * extent(far),
+        .aim = a.diffuse * b.diffuse * area / vec3_dot(near->normal, m),
+    };
+}
+
+static double area_of(const struct aim_view *seen, int target) {
+    double area = 0;
+    for (int i = 0; i < seen->n_sectors; i++) {
+        area += seen->target[i] == target ? seen->sector[i].area : 0;
+    }
+    return area;
+}
+
+void gleam_none(struct gleam_view *view) {
+    view->n = 0;
+    view->sum = 0;
+    view->part = (struct gleam_parts){0, 0, 0, 0};
+}
+
+void gleam_from(const struct glint_view *glints, const struct aim_view *seen,
+                const struct gleam_surface *near, struct vec3 from, struct gleam_view *view) {
+    struct gleam_parts *sum = &view->part;
+    gleam_none(view);
+    for (int i = 0; i < glints->n; i++) {
+        const struct glint *g = glints->glint[i];
+        struct gleam_surface far = {g->drawn, g->normal, g->l, g->s_mean};
+        struct gleam *gleam = &view->gleam[view->n];
+        if (!gleam_make(near, &far, gleam)) {
+            continue;
+        }
+        gleam_cut(gleam, g->shape, from);
+        if (!(gleam->kept > LEAST)) {
+            continue;
+        }
+        struct gleam_parts part = parts_of(near, &far, gleam, area_of(seen, g->target));
+        sum->facets += g->light * part.facets;
+        sum->glints += g->light * part.glints;
+        sum->aim += g->light * part.aim;
+        gleam->share = g->light * part.gleams;
+        view->sum += gleam->share;
+        view->n += gleam->share > 0;
+    }
+    double all = view->sum + sum->facets + sum->glints + sum->aim, scale = MOST / all;
+    if (!(view->sum > 0 && all < INFINITY)) {
+        gleam_none(view);
+        return;
+    }
+    *sum =
+        (struct gleam_parts){view->sum * scale, sum->facets * scale, sum->glints * scale, sum->aim * scale};
+}
+
+struct vec3 gleam_sample(const struct gleam_view *view, const double u[2]) {
+    double rest = u[0] * view->sum;
+    int i = 0;
+    while (i + 1 < view->n && rest >= view->gleam[i].share) {
+        rest -= view->gleam[i++].share;
+    }
+    const struct gleam *g = &view->gleam[i];
+    double first = below_inverse(1 - g->kept * sampler_within(rest, g->share));
+    struct vec3 x = vec3_scale(g->axis[0], first), y = vec3_scale(g->axis[1], below_inverse(u[1]));
+    return vec3_unit(vec3_add(g->middle, vec3_add(x, y)));
+}
+
+double gleam_density(const struct gleam_view *view, struct vec3 l) {
+    double sum = 0;
+    for (int i = 0; i < view->n; i++) {
+        const struct gleam *g = &view->gleam[i];
+        double z = vec3_dot(l, g->middle);
+        if (z > 0) {
+            double x = vec3_dot(l, g->dual[0]) / z, y = vec3_dot(l, g->dual[1]) / z;
+            sum += x >= g->cut ? g->share * g->peak / g->kept * bell(x) * bell(y) / (z * z * z) : 0;
+        }
+    }
+    return view->n > 0 ? sum / view->sum : 0;
+}
