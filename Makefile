@@ -100,7 +100,7 @@ $(BUILD)/tests/preload/%.so: tests/preload/%.c
 
 # Shows goniod a USB device that is not there; its test skips where umockdev is missing, and under a sanitizer, whose
 # run-time library would have to be loaded before umockdev's.
-BRIDGES := $(if $(SANITIZE),,$(if $(shell pkg-config --exists umockdev-1.0 2>/dev/null && echo yes),$(BUILD)/tests/bridge/usb_bridge))
+BRIDGES := $(if $(SANITIZE),,$(if $(shell pkg-config --exists umockdev-1.0 2>/dev/null && command -v umockdev-wrapper),$(BUILD)/tests/bridge/usb_bridge))
 $(BUILD)/tests/bridge/usb_bridge: tests/bridge/usb_bridge.c $(LIBRARIES)
 	@mkdir -p $(@D)
 	@echo "  LD  $@"

@@ -44,7 +44,7 @@ static void need_the_bridge(void) {
     skip_under_asan();
     snprintf(path, sizeof path, "%s/tests/bridge/usb_bridge", build ? build : "build");
     if (access(path, X_OK) != 0)
-        skip_because("libumockdev-dev is not installed");
+        skip_because("libumockdev-dev and umockdev are not both installed");
 }
 
 static void campaign(const char *model, const char *ids) {
