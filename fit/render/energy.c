@@ -7,6 +7,7 @@
 /* Neither part is starved, however little of the light is its: its directions would come with huge weights. */
 #define SHARE_LOW 0.05
 #define SHARE_HIGH 0.95
+#define DARKEST 1e-3 /* S below it counts as that in s_typical */
 
 static double share_of(const struct paint *paint, const struct albedo *x, double s_mean) {
     double diffuse = s_mean * x->diffuse + s_mean * s_mean * x->inter;
@@ -18,13 +19,14 @@ static double share_of(const struct paint *paint, const struct albedo *x, double
 }
 
 void energy_make(struct energy *energy, const struct paint *paint, enum energy_policy policy) {
-    double mean = 0, s = 0;
+    double mean = 0, logarithm = 0, s = 0;
     for (int k = 0; k < BANDS; k++) {
         s = fmax(s, paint->s[k]);
         mean += paint->s[k] / BANDS;
+        logarithm += log(fmax(paint->s[k], DARKEST)) / BANDS;
     }
     energy->s_max = s;
-    energy->s_mean = mean;
+    energy->s_typical = exp(logarithm);
     for (int i = 0; i < ENERGY_ANGLES; i++) {
         double theta_deg = deg_from_rad(acos(i / (ENERGY_ANGLES - 1.0)));
         struct albedo x = albedo_at(paint, fmin(theta_deg, GRAZING_DEG));

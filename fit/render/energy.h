@@ -20,8 +20,8 @@
 
 enum energy_policy { ENERGY_SCALE, ENERGY_REPORT };
 
-struct energy { /* of one paint */
-    double s_max, s_mean;
+struct energy {              /* of one paint */
+    double s_max, s_typical; /* geometric mean: errors of dark bands count as much as those of bright ones */
     double excess[ENERGY_ANGLES]; /* max(1, A) */
     double share
         [ENERGY_ANGLES]; /* of the lobe in A, with the mean S: how often its directions are worth drawing */

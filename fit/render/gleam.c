@@ -7,6 +7,7 @@
 #define LOGISTIC 0.41 /* scale of the logistic density by which exp(-x^2) has the least mean square weight */
 /* Of least squares; for lobes of 0.3 rad the middle then stands to a tenth of their width. */
 #define STEPS 3
+#define ASIDE 0.5 /* of the bell's widths: where its slope is taken */
 
 struct fit { /* sum of k |r + J x|^2 over both lobes: its matrix and its gradient, both halved */
     double xx, xy, yy, x, y;
@@ -38,40 +39,54 @@ static void add_lobe(const struct gleam_surface *s, struct vec3 w, struct vec3 e
     }
 }
 
+/* Of one or two lobes: either may be NULL. */
 static struct fit fit_around(const struct gleam_surface *near, const struct gleam_surface *far,
                              struct vec3 middle, struct vec3 ex, struct vec3 ey) {
     struct fit fit = {0};
-    add_lobe(near, middle, ex, ey, &fit);
-    add_lobe(far, vec3_scale(middle, -1), vec3_scale(ex, -1), vec3_scale(ey, -1), &fit);
+    if (near) {
+        add_lobe(near, middle, ex, ey, &fit);
+    }
+    if (far) {
+        add_lobe(far, vec3_scale(middle, -1), vec3_scale(ex, -1), vec3_scale(ey, -1), &fit);
+    }
     return fit;
 }
 
-bool gleam_make(const struct gleam_surface *near, const struct gleam_surface *far, struct gleam *gleam) {
-    double k_near = narrowness(near->drawn), k_far = narrowness(far->drawn);
-    struct vec3 m = vec3_unit(vec3_add(vec3_scale(mirror(near), k_near), vec3_scale(mirror(far), -k_far)));
+static struct vec3 between(const struct gleam_surface *near, const struct gleam_surface *far) {
+    return vec3_unit(vec3_sub(vec3_scale(mirror(near), narrowness(near->drawn)),
+                              vec3_scale(mirror(far), narrowness(far->drawn))));
+}
+
+/* P = R'R, R = (root, xy/root; 0, height): x = R^-1 g for g of the round bell. */
+static void set_axes(struct gleam *gleam, const struct fit *f, double det, struct vec3 ex, struct vec3 ey) {
+    double root = sqrt(f->xx), height = sqrt(det / f->xx);
+    gleam->axis[0] = vec3_scale(ex, 1 / root);
+    gleam->axis[1] = vec3_scale(vec3_sub(ey, vec3_scale(ex, f->xy / f->xx)), 1 / height);
+    gleam->dual[0] = vec3_add(vec3_scale(ex, root), vec3_scale(ey, f->xy / root));
+    gleam->dual[1] = vec3_scale(ey, height);
+    gleam->peak = sqrt(det);
+    gleam->cut = -INFINITY;
+    gleam->kept = 1;
+}
+
+static bool make_bell(const struct gleam_surface *near, const struct gleam_surface *far, struct vec3 m,
+                      int steps, struct gleam *gleam) {
     struct vec3 ex, ey;
-    for (int i = 0; i <= STEPS; i++) {
+    for (int i = 0;; i++) {
         vec3_frame(m, &ex, &ey);
         struct fit f = fit_around(near, far, m, ex, ey);
-        double det = f.xx * f.yy - f.xy * f.xy, root = sqrt(f.xx), height = sqrt(det / f.xx);
+        double det = f.xx * f.yy - f.xy * f.xy;
         if (!(det > 0 && det < INFINITY)) {
             return false;
         }
-        if (i == STEPS) { /* P = R'R, R = (root, xy/root; 0, height): x = R^-1 g for g of the round bell */
-            gleam->axis[0] = vec3_scale(ex, 1 / root);
-            gleam->axis[1] = vec3_scale(vec3_sub(ey, vec3_scale(ex, f.xy / f.xx)), 1 / height);
-            gleam->dual[0] = vec3_add(vec3_scale(ex, root), vec3_scale(ey, f.xy / root));
-            gleam->dual[1] = vec3_scale(ey, height);
-            gleam->peak = sqrt(det);
-            gleam->cut = -INFINITY;
-            gleam->kept = 1;
-        } else {
-            double x = (f.xy * f.y - f.yy * f.x) / det, y = (f.xy * f.x - f.xx * f.y) / det;
-            m = vec3_unit(vec3_add(m, vec3_add(vec3_scale(ex, x), vec3_scale(ey, y))));
+        if (i == steps) {
+            gleam->middle = m;
+            set_axes(gleam, &f, det, ex, ey);
+            return true;
         }
+        double x = (f.xy * f.y - f.yy * f.x) / det, y = (f.xy * f.x - f.xx * f.y) / det;
+        m = vec3_unit(vec3_add(m, vec3_add(vec3_scale(ex, x), vec3_scale(ey, y))));
     }
-    gleam->middle = m;
-    return vec3_dot(m, near->normal) > 0 && vec3_dot(m, far->normal) < 0;
 }
 
 /* A bell whose part below x is known in closed form, as wide as exp(-x^2): the logistic density. */
@@ -123,24 +138,65 @@ struct two_ways {
 static struct two_ways ways_of(const struct gleam_surface *s, struct vec3 w) {
     struct shade_abc x =
         shade(SHADE_SIGMA | SHADE_SPECULAR | SHADE_RELATIVES, s->drawn, NULL, s->normal, w, s->way);
-    return (struct two_ways){shade_most(x.a, 0) * s->s_mean + x.b * s->s_mean * s->s_mean, x.c};
+    double one = s->energy->s_typical,
+           scale = energy_scale(s->energy, vec3_dot(s->normal, w), vec3_dot(s->normal, s->way));
+    return (struct two_ways){scale * (shade_most(x.a, 0) * one + x.b * one * one), scale * x.c};
 }
 
-/* The lobe's integral over directions, its height 1. */
-static double extent(const struct gleam_surface *s) {
-    return 4 * M_PI * vec3_dot(s->normal, s->way) / narrowness(s->drawn);
+static double gloss_at(const struct gleam_surface *near, const struct gleam_surface *far,
+                       const struct gleam *gleam, int axis, double x) {
+    struct vec3 w = vec3_unit(vec3_add(gleam->middle, vec3_scale(gleam->axis[axis], x)));
+    return ways_of(near, w).gloss * ways_of(far, vec3_scale(w, -1)).gloss;
+}
+
+/* Where all of the gloss is brightest, not the lobes alone: towards grazing directions it grows. */
+static struct vec3 brightest(const struct gleam_surface *near, const struct gleam_surface *far,
+                             const struct gleam *gleam) {
+    struct vec3 at = gleam->middle;
+    for (int i = 0; i < 2; i++) {
+        double up = gloss_at(near, far, gleam, i, ASIDE), down = gloss_at(near, far, gleam, i, -ASIDE);
+        if (up > 0 && down > 0) { /* exp(-x^2 + 2 q x) is brightest at q */
+            double q = log(up / down) / (4 * ASIDE);
+            at = vec3_add(at, vec3_scale(gleam->axis[i], shade_most(-1, shade_least(1, q))));
+        }
+    }
+    return vec3_unit(at);
+}
+
+bool gleam_make(const struct gleam_surface *near, const struct gleam_surface *far, struct gleam *gleam) {
+    return make_bell(near, far, between(near, far), STEPS, gleam) &&
+           make_bell(near, far, brightest(near, far, gleam), 0, gleam) &&
+           vec3_dot(gleam->middle, near->normal) > 0 && vec3_dot(gleam->middle, far->normal) < 0;
+}
+
+/* Over the bell, cut by the target. */
+static double extent_of(const struct gleam *gleam) {
+    return M_PI * gleam->kept / gleam->peak;
+}
+
+/* By the one lobe alone, the other surface diffuse. */
+static double part_of_one(const struct gleam_surface *near, const struct gleam_surface *far, bool by_near,
+                          const struct aim_target *target, struct vec3 from) {
+    struct gleam gleam;
+    if (!make_bell(by_near ? near : NULL, by_near ? NULL : far,
+                   by_near ? mirror(near) : vec3_scale(mirror(far), -1), 0, &gleam)) {
+        return 0;
+    }
+    gleam_cut(&gleam, target, from);
+    struct two_ways a = ways_of(near, gleam.middle), b = ways_of(far, vec3_scale(gleam.middle, -1));
+    return (by_near ? a.gloss * b.diffuse : a.diffuse * b.gloss) * extent_of(&gleam);
 }
 
 /* What comes over both surfaces in each of the four ways; area: of the far one as seen (aim.h). */
 static struct gleam_parts parts_of(const struct gleam_surface *near, const struct gleam_surface *far,
-                                   const struct gleam *gleam, double area) {
-    struct vec3 at_near = mirror(near), at_far = vec3_scale(mirror(far), -1), m = gleam->middle;
-    struct two_ways a = ways_of(near, m), b = ways_of(far, vec3_scale(m, -1));
+                                   const struct gleam *gleam, const struct aim_target *target,
+                                   struct vec3 from, double area) {
+    struct two_ways a = ways_of(near, gleam->middle), b = ways_of(far, vec3_scale(gleam->middle, -1));
     return (struct gleam_parts){
-        .gleams = a.gloss * b.gloss * M_PI / gleam->peak * gleam->kept,
-        .facets = ways_of(near, at_near).gloss * ways_of(far, vec3_scale(at_near, -1)).diffuse * extent(near),
-        .glints = ways_of(near, at_far).diffuse * ways_of(far, mirror(far)).gloss * extent(far),
-        .aim = a.diffuse * b.diffuse * area / vec3_dot(near->normal, m),
+        .gleams = a.gloss * b.gloss * extent_of(gleam),
+        .facets = part_of_one(near, far, true, target, from),
+        .glints = part_of_one(near, far, false, target, from),
+        .aim = a.diffuse * b.diffuse * area / vec3_dot(near->normal, gleam->middle),
     };
 }
 
@@ -164,7 +220,7 @@ void gleam_from(const struct glint_view *glints, const struct aim_view *seen,
     gleam_none(view);
     for (int i = 0; i < glints->n; i++) {
         const struct glint *g = glints->glint[i];
-        struct gleam_surface far = {g->drawn, g->normal, g->l, g->s_mean};
+        struct gleam_surface far = {g->drawn, g->normal, g->l, g->energy};
         struct gleam *gleam = &view->gleam[view->n];
         if (!gleam_make(near, &far, gleam)) {
             continue;
@@ -173,7 +229,7 @@ void gleam_from(const struct glint_view *glints, const struct aim_view *seen,
         if (!(gleam->kept > LEAST)) {
             continue;
         }
-        struct gleam_parts part = parts_of(near, &far, gleam, area_of(seen, g->target));
+        struct gleam_parts part = parts_of(near, &far, gleam, g->shape, from, area_of(seen, g->target));
         sum->facets += g->light * part.facets;
         sum->glints += g->light * part.glints;
         sum->aim += g->light * part.aim;

@@ -4,8 +4,9 @@
  * The lobe of the surface seen and the lobe of a flat surface around the mirrored light (glint.h) overlap; along what is
  * common to both, most of the light of a glossy corner comes. Each lobe is exp(-k phi^2), phi the lean of its half
  * vector; with the half vectors' tangential parts straightened around the brightest direction m the product is a bell
- * exp(-x'Px) of direction = unit(m + x), x at right angles to m; m and P come from a few steps of least squares. With
- * R'R = P and g = R x, logistic densities b stand for the bell, cut where a side of the target ends it (g_0 >= cut):
+ * exp(-x'Px) of direction = unit(m + x), x at right angles to m; m and P come from a few steps of least squares, then m
+ * moves along the slope of what the lobes are multiplied with. With R'R = P and g = R x, logistic densities b stand for
+ * the bell, cut where a side of the target ends it (g_0 >= cut):
  *     density = sqrt(det P) b(g_0) b(g_1) / kept / (m . direction)^3,   kept = part of b above cut
  * How often: of the four ways over both surfaces (lobe or diffuse, twice) each is estimated from its brightest
  * direction, with nothing in between.
@@ -21,7 +22,7 @@
 struct gleam_surface { /* its lobe lies around the mirror of `way` */
     const struct shade_paint *drawn;
     struct vec3 normal, way;
-    double s_mean;
+    const struct energy *energy; /* of its paint */
 };
 
 struct gleam {

@@ -17,7 +17,7 @@ static void add_glint(struct glints *glints, const struct scene *scene, const st
                       .shape = target,
                       .drawn = &scene->paint[target->paint].drawn,
                       .normal = vec3_unit(vec3_cross(target->u, target->v)),
-                      .s_mean = energy[target->paint].s_mean,
+                      .energy = &energy[target->paint],
                       .light = light->share};
     bool shines = direction_of(light, target->middle, &g.l) && vec3_dot(g.l, g.normal) > 0;
     g.share = shines ? energy_share(&energy[target->paint], vec3_dot(g.l, g.normal)) : 0;

@@ -23,7 +23,8 @@ struct glint {
     const struct aim_target *shape;
     const struct shade_paint *drawn;
     struct vec3 normal, l;
-    double s_mean, light; /* of its paint; the light's share in all */
+    double light;                /* its share in all lights */
+    const struct energy *energy; /* of its paint */
     double share;
 };
 

@@ -22,7 +22,7 @@ static void begin(const struct trace *t, const struct hit *hit, struct vec3 v, b
     gleam_none(&place->gleams);
     if (first) {
         const struct gleam_surface near = {&t->scene->paint[hit->paint].drawn, hit->normal, v,
-                                           t->energy[hit->paint].s_mean};
+                                           &t->energy[hit->paint]};
         gleam_from(&place->glints, &place->seen, &near, hit->position, &place->gleams);
     }
     const struct gleam_parts *part = &place->gleams.part;
