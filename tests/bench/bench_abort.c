@@ -42,7 +42,7 @@ static int64_t order_abort(void) {
     struct err e = {0};
     if (rpc_connect(&client, lab.socket, &e) < 0)
         return -1;
-    int64_t ordered_us = real_us();
+    int64_t ordered_us = tap_now_us(tap);
     int rc = rpc_call(client, "abort", NULL, 10000, NULL, NULL, &e);
     rpc_close(client);
     return rc < 0 ? -1 : ordered_us;
@@ -113,17 +113,17 @@ static void report_waits(void) {
     const char *const words[] = {"gonioctl", "run", "--wait", job, NULL};
     laboratory_ctl_begin(&lab, &run, words);
     laboratory_await(&lab, "\"state\":\"held\"", 60000);
-    int64_t from_us = real_us();
+    int64_t from_us = tap_now_us(tap);
     real_sleep_ms(3000);
     laboratory_expect(&lab, 0, "", NULL, "continue", NULL);
     bool stalled = laboratory_stall(&lab, 60000);
-    while (program_runs(&run) && real_us() < from_us + 400 * INT64_C(1000000)) {
+    while (program_runs(&run) && tap_now_us(tap) < from_us + 400 * INT64_C(1000000)) {
         real_sleep_ms(2000);
         laboratory_ctl(&lab, &said, NULL, "continue", NULL); /* refused where nothing is held */
         said_free(&said);
     }
     program_wait(&run, 1000, &said);
-    int64_t silence_us = tap_silence_us(tap, from_us, real_us());
+    int64_t silence_us = tap_silence_us(tap, from_us, tap_now_us(tap));
     bool good = said.status == 0 && stalled;
     if (good) {
         laboratory_session_path(&lab, said.out, path, name);

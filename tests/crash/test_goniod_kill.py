@@ -16,7 +16,7 @@ from collections import defaultdict
 from pathlib import Path
 
 sys.path.insert(0, "tests/support")
-from goniod import BUILD, Goniod, write_job  # noqa: E402
+from goniod import BUILD, JOB_S, Goniod, write_job  # noqa: E402
 
 SEED = int(os.environ.get("SEED") or time.time_ns() % 1_000_000)
 KILLS = int(os.environ.get("KILLS") or 4)
@@ -197,7 +197,7 @@ def interrupt(job, reference):
         goniod = Goniod(folder)
         try:
             start_job(goniod, job)
-            end = time.monotonic() + 60
+            end = time.monotonic() + JOB_S
             while points_done(goniod) < 4 and time.monotonic() < end:
                 time.sleep(0.005)
             code, said = goniod.signal(signal.SIGTERM)

@@ -17,7 +17,7 @@
 #include "daemon/control_access.h"
 #include "proto/rpc.h"
 
-#define PATIENCE_MS 20000 /* with the control thread, which a busy machine may keep waiting */
+#define PATIENCE_MS 120000 /* with the control thread, which a busy machine may keep waiting */
 
 struct fixture {
     struct desk *desk;

@@ -14,7 +14,7 @@
 #include "proto/file.h"
 #include "sim/sim.h"
 
-#define CTL_MS 120000 /* far beyond what a busy machine needs */
+#define CTL_MS 600000 /* far beyond what a busy machine needs */
 #define START_MS 60000
 #define BRIDGE_WORDS 4
 

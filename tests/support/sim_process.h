@@ -15,12 +15,12 @@ struct sim_process {
     char modbus[2][96]; /* in the order of the config; "" = no such bus */
 };
 
-/* The built-in axes with a watchdog that goes off after 3 s, not 1: goniod polls each drive every 250 ms, and a machine
- * that does other work may keep it, or goniosim, from the processor for most of a second. */
-#define SIM_PROCESS_WATCHDOG_MS 3000
+/* The built-in axes with a watchdog that goes off after 8 s, not 1: goniod polls each drive every 250 ms, but a machine
+ * that stands still for seconds, and goniosim's clock does not, is no mistake of goniod's. */
+#define SIM_PROCESS_WATCHDOG_MS 8000
 #define SIM_PROCESS_PATIENT_AXES                                                                             \
-    "axes: [{role: source, unit: 1, watchdog_ms: 3000}, {role: sample, unit: 2, watchdog_ms: 3000},\n"       \
-    "       {role: holder, unit: 3, watchdog_ms: 3000}]\n"
+    "axes: [{role: source, unit: 1, watchdog_ms: 8000}, {role: sample, unit: 2, watchdog_ms: 8000},\n"       \
+    "       {role: holder, unit: 3, watchdog_ms: 8000}]\n"
 
 bool sim_process_start(struct sim_process *p, const char *yaml);
 /* Ends it by this signal and waits. Returns its exit status, or 128 + the signal that ended it. */

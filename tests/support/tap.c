@@ -18,6 +18,7 @@
 #define REG_COMMAND 0x7C /* stage-modbus.md 1.2 */
 #define BIT_STOP 0x20    /* 1.5 */
 #define LOOK_MS 20
+#define AWAKE_US (10 * LOOK_MS * INT64_C(1000)) /* between two looks at most, else the machine stood still */
 
 struct request {
     int64_t at_us;
@@ -28,9 +29,10 @@ struct request {
 struct tap {
     pthread_t thread;
     pthread_mutex_t lock;
-    atomic_bool over;
+    atomic_bool over, patient;
     atomic_int mute; /* a unit, or TAP_... */
     int listener, port;
+    int64_t now_us, looked_us; /* the tap's clock, and real_us when it was last read */
     int n;
     struct request note[NOTES];
 };
@@ -53,8 +55,18 @@ static int loopback(int port, bool listens) {
     return fd;
 }
 
+int64_t tap_now_us(struct tap *t) {
+    pthread_mutex_lock(&t->lock);
+    int64_t real = real_us(), passed = real - t->looked_us;
+    t->now_us += t->patient && passed > AWAKE_US ? AWAKE_US : passed;
+    t->looked_us = real;
+    int64_t now_us = t->now_us;
+    pthread_mutex_unlock(&t->lock);
+    return now_us;
+}
+
 static void note(struct tap *t, const uint8_t *adu, size_t size) {
-    struct request r = {.at_us = real_us(), .unit = adu[6], .function = adu[7]};
+    struct request r = {.at_us = tap_now_us(t), .unit = adu[6], .function = adu[7]};
     r.addr = adu[8] << 8 | adu[9];
     if (r.function == 6 && size >= 12)
         r.value = (uint32_t)(adu[10] << 8 | adu[11]);
@@ -95,6 +107,7 @@ static void serve(struct tap *t, int client) {
     while (server >= 0 && !atomic_load(&t->over)) {
         struct pollfd fd[] = {{.fd = client, .events = POLLIN}, {.fd = server, .events = POLLIN}};
         poll(fd, 2, LOOK_MS);
+        tap_now_us(t);
         if (fd[0].revents && !relay(t, &out, client, server, true))
             break;
         if (fd[1].revents && !relay(t, &in, server, client, false))
@@ -109,6 +122,7 @@ static void *tap_thread(void *arg) {
     struct tap *t = arg;
     while (!atomic_load(&t->over)) {
         struct pollfd fd = {.fd = t->listener, .events = POLLIN};
+        tap_now_us(t);
         if (poll(&fd, 1, LOOK_MS) == 1)
             serve(t, accept(t->listener, NULL, NULL));
     }
@@ -121,11 +135,16 @@ struct tap *tap_open(const char *target, char link[96]) {
     socklen_t size = sizeof a;
     t->port = (int)strtol(strrchr(target, ':') + 1, NULL, 10);
     t->listener = loopback(0, true);
+    t->looked_us = real_us();
     pthread_mutex_init(&t->lock, NULL);
     getsockname(t->listener, (struct sockaddr *)&a, &size);
     snprintf(link, 96, "tcp:127.0.0.1:%d", ntohs(a.sin_port));
     pthread_create(&t->thread, NULL, tap_thread, t);
     return t;
+}
+
+void tap_patient(struct tap *t) {
+    atomic_store(&t->patient, true);
 }
 
 void tap_close(struct tap *t) {

@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "drivers/clock.h"
+#include "tests/support/kept.h"
 
 static void virtual_time_moves_only_by_advance(void **state) {
     (void)state;
@@ -24,10 +25,15 @@ static void real_time_is_read_at_a_stamp_only(void **state) {
     (void)state;
     struct clock c;
     clock_init_real(&c);
-    int64_t before = clock_stamp(&c);
-    clock_gap(&c, 3000);
-    assert_true(clock_now_us(&c) == before);
-    assert_in_range(clock_stamp(&c) - before, 3000, 2000000);
+    int64_t took_us;
+    int tries = 0;
+    do {
+        int64_t before = clock_stamp(&c);
+        clock_gap(&c, 3000);
+        assert_true(clock_now_us(&c) == before);
+        took_us = clock_stamp(&c) - before;
+        assert_true(took_us >= 3000);
+    } while (!kept(&tries, "a gap of 3 ms", took_us, 2000000));
 }
 
 static void real_utc_is_the_time_of_day(void **state) {
@@ -35,9 +41,10 @@ static void real_utc_is_the_time_of_day(void **state) {
     struct clock c;
     clock_init_real(&c);
     clock_gap(&c, 2000);
+    int64_t before_s = time(NULL);
     clock_stamp(&c);
-    int64_t wrong_s = clock_utc_us(&c) / 1000000 - time(NULL);
-    assert_true(wrong_s >= -2 && wrong_s <= 2);
+    int64_t utc_s = clock_utc_us(&c) / 1000000;
+    assert_in_range(utc_s, before_s - 2, time(NULL) + 2);
 }
 
 int main(void) {

@@ -331,22 +331,31 @@ def test_a_lamp_file_that_ends_too_soon_is_told(folder):
     assert code == 0 and "light lamp.csv: its file does not cover 20 of 81 bands" in err, err
 
 
-def test_ctrl_c_keeps_what_is_done(folder):
-    scene = small(folder, "cylinder.yaml", width=600, height=4000, grid=8)
+def interrupted_rows(folder, scene, after_ticks):
+    """Rows done when SIGINT comes after so much computing (in 1/100 s)."""
     program = subprocess.Popen([GONIORENDER, "render", scene, "-o", folder / "i.png", "--threads", "1"],
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     # "material: ..." is flushed only at the end, so the kernel is asked whether it computes already.
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 300
     while time.monotonic() < deadline:
         ticks = int(Path(f"/proc/{program.pid}/stat").read_text().rsplit(")", 1)[1].split()[11])
-        if ticks >= 20:
+        if ticks >= after_ticks:
             break
         time.sleep(0.01)
     program.send_signal(signal.SIGINT)
     out, err = program.communicate(timeout=300)
     assert program.returncode == 1 and "interrupted: " in err, err
     rows = origin_of(folder / "i.png")["counts"]["rows_done"]
-    assert 0 < rows < 4000 and f"holds {rows} of 4000 rows" in err
+    assert f"holds {rows} of 4000 rows" in err
+    (folder / "i.png").unlink()
+    return rows
+
+
+def test_ctrl_c_keeps_what_is_done(folder):
+    scene = small(folder, "cylinder.yaml", width=600, height=4000, grid=8)
+    # A slow machine has not come to its first row that soon.
+    rows = next((n for n in (interrupted_rows(folder, scene, ticks) for ticks in (20, 80, 320)) if n > 0), 0)
+    assert 0 < rows < 4000
 
 
 def main():

@@ -14,13 +14,26 @@
 #include "tests/support/kept.h"
 #include "tests/support/modbus_peer.h"
 
-#define RESPONSE_MS 300 /* the peer is a thread: on a busy machine it answers late */
+#define RESPONSE_MS 300  /* where a lost reply is the matter */
+#define PATIENT_MS 20000 /* where none is: the peer is a thread that a busy machine may keep waiting */
+#define FAIR_MS 2000     /* where both are */
+#define GAP_MS 3
+/* A stale reply is told by the right one behind it: the peer, a thread, must get from one to the other in that time. */
+#define WIDE_GAP_MS 50
 #define QUARANTINE_MS 450
 
 static struct modbus_peer peer;
 static struct modbus_link bus;
 static struct clock clock_;
 static struct err err;
+static int response_ms, gap_ms;
+
+static int set_up(void **state) {
+    (void)state;
+    response_ms = PATIENT_MS;
+    gap_ms = GAP_MS;
+    return 0;
+}
 
 static int try_open(const char *target, char parity) {
     struct modbus_link_config c = {.target = target,
@@ -28,8 +41,8 @@ static int try_open(const char *target, char parity) {
                                    .parity = parity,
                                    .data_bits = 8,
                                    .stop_bits = 1,
-                                   .response_ms = RESPONSE_MS,
-                                   .gap_ms = 3,
+                                   .response_ms = response_ms,
+                                   .gap_ms = gap_ms,
                                    .quarantine_ms = QUARANTINE_MS};
     clock_init_real(&clock_);
     err_clear(&err);
@@ -89,10 +102,12 @@ static void a_late_reply_never_becomes_a_value(void **state) {
     (void)state;
     static const int LATE_MS[] = {RESPONSE_MS + 90, RESPONSE_MS + QUARANTINE_MS + 240,
                                   1350}; /* within the quarantine, and twice beyond it */
+    response_ms = RESPONSE_MS;
+    gap_ms = WIDE_GAP_MS;
     for (int k = 0; k < 6; k++) {
         struct peer_act act[400] = {{0, 0}};
         act[0].delay_ms = LATE_MS[k % 3];
-        act[37].delay_ms = k < 3 ? LATE_MS[k % 3] : 0;
+        act[17].delay_ms = k < 3 ? LATE_MS[k % 3] : 0;
         start(k >= 3, act, 400);
         int good = 0;
         int64_t begun = clock_stamp(&clock_);
@@ -132,6 +147,7 @@ struct failure {
 /* False: a busy machine kept the peer from answering in time, which is another failure. */
 static bool failure_is_told(const struct failure *f, bool tcp) {
     struct peer_act act[] = {{0, f->flags}, {0, 0}, {0, 0}};
+    response_ms = RESPONSE_MS;
     start(tcp, act, 3);
     struct modbus_request rq;
     int want = tcp ? f->tcp : f->rtu, result = read_regs(&rq, 10, 1);
@@ -171,6 +187,7 @@ static void each_failure_has_its_code(void **state) {
 static void a_timeout_is_bounded(void **state) {
     (void)state;
     static const struct peer_act ACT[] = {{0, PEER_DROP}};
+    response_ms = RESPONSE_MS;
     for (int tcp = 0; tcp < 2; tcp++) {
         int64_t took_us;
         int tries = 0;
@@ -190,6 +207,7 @@ static void a_timeout_is_bounded(void **state) {
 static void a_stop_goes_through_quarantine(void **state) {
     (void)state;
     static const struct peer_act ACT[] = {{0, PEER_DROP}, {0, 0}};
+    response_ms = FAIR_MS;
     for (int tcp = 0; tcp < 2; tcp++) {
         start(tcp, ACT, 2);
         struct modbus_request rq;
@@ -317,6 +335,7 @@ static void note(void *arg, int64_t sent_us, int64_t done_us, const struct modbu
 static void the_recorder_sees_every_exchange(void **state) {
     (void)state;
     static const struct peer_act ACT[] = {{0, 0}, {0, PEER_DROP}};
+    response_ms = FAIR_MS;
     start(false, ACT, 2);
     struct seen seen = {0};
     struct modbus_link inner = bus;
@@ -333,19 +352,19 @@ static void the_recorder_sees_every_exchange(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(registers_are_read_and_written),
-        cmocka_unit_test(a_late_reply_never_becomes_a_value),
-        cmocka_unit_test(a_doubled_reply_is_thrown_away),
-        cmocka_unit_test(each_failure_has_its_code),
-        cmocka_unit_test(a_timeout_is_bounded),
-        cmocka_unit_test(a_stop_goes_through_quarantine),
-        cmocka_unit_test(a_server_that_went_is_found_again),
-        cmocka_unit_test(a_vanished_adapter_is_a_lost_link),
-        cmocka_unit_test(bytes_of_an_earlier_session_are_dropped),
-        cmocka_unit_test(one_program_at_a_time),
-        cmocka_unit_test(one_goniod_at_a_time_over_tcp),
-        cmocka_unit_test(bad_targets_are_refused_in_words),
-        cmocka_unit_test(the_recorder_sees_every_exchange),
+        cmocka_unit_test_setup(registers_are_read_and_written, set_up),
+        cmocka_unit_test_setup(a_late_reply_never_becomes_a_value, set_up),
+        cmocka_unit_test_setup(a_doubled_reply_is_thrown_away, set_up),
+        cmocka_unit_test_setup(each_failure_has_its_code, set_up),
+        cmocka_unit_test_setup(a_timeout_is_bounded, set_up),
+        cmocka_unit_test_setup(a_stop_goes_through_quarantine, set_up),
+        cmocka_unit_test_setup(a_server_that_went_is_found_again, set_up),
+        cmocka_unit_test_setup(a_vanished_adapter_is_a_lost_link, set_up),
+        cmocka_unit_test_setup(bytes_of_an_earlier_session_are_dropped, set_up),
+        cmocka_unit_test_setup(one_program_at_a_time, set_up),
+        cmocka_unit_test_setup(one_goniod_at_a_time_over_tcp, set_up),
+        cmocka_unit_test_setup(bad_targets_are_refused_in_words, set_up),
+        cmocka_unit_test_setup(the_recorder_sees_every_exchange, set_up),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

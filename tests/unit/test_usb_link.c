@@ -16,7 +16,7 @@
 
 #define VID 0x2457
 #define PID 0x101e
-#define PATIENCE_US (10 * US_PER_S) /* with the host, a thread that a busy machine may keep waiting */
+#define PATIENCE_US (60 * US_PER_S) /* with the host, a thread that a busy machine may keep waiting */
 
 struct rig {
     struct clock clock;

@@ -15,6 +15,8 @@
 #include "daemon/writer.h"
 #include "proto/units.h"
 
+#define DISK_US (300 * US_PER_S) /* a busy disk is slow to commit */
+
 struct fixture {
     struct clock clock;
     struct bench bench;
@@ -142,12 +144,11 @@ static void exchanges_commit_within_a_second(void **state) {
     assert_int_equal(writer_create(f->writer, f->path, &f->file, NULL), 0);
     int64_t begun = clock_stamp(&f->clock);
     writer_commit(f->writer, f->file);
-    bench_wait(&f->bench, begun + 20 * US_PER_S, writer_idle, f->writer, NULL);
+    bench_wait(&f->bench, begun + DISK_US, writer_idle, f->writer, NULL);
     writer_exchange(f->writer, f->file, 1, 2, "sim:a", "123456", 6, "78", 2, 0);
     assert_true(writer_idle(f->writer));
     bench_wait(&f->bench, clock_stamp(&f->clock) + 1100 * US_PER_MS, NULL, NULL, NULL);
-    bench_wait(&f->bench, begun + 20 * US_PER_S, writer_idle, f->writer,
-               NULL); /* a busy disk is slow to commit */
+    bench_wait(&f->bench, begun + DISK_US, writer_idle, f->writer, NULL);
     struct session *s;
     struct err e = {0};
     int n = 0;

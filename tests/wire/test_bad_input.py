@@ -19,7 +19,7 @@ from pathlib import Path
 
 BUILD = os.path.abspath(os.environ.get("BUILD", "build"))
 EXAMPLES = Path("docs/examples").absolute()
-LIMIT_S = 60
+LIMIT_S = 300
 JOB = """\
 name: small
 samples: [{name: a, holder: sample, paint: Hooker's Green, support: drawing paper, size_mm: [60, 40]}]

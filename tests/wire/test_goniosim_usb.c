@@ -14,7 +14,7 @@
 #include "tests/support/kept.h"
 #include "tests/support/sim_process.h"
 
-#define PATIENCE_MS 20000 /* far beyond what a busy machine needs */
+#define PATIENCE_MS 60000 /* far beyond what a busy machine needs */
 
 /* goniosim in a process of its own, its spectrometer through the usbredir client of goniod. */
 struct rig {
