@@ -7,9 +7,6 @@
 #include <unistd.h>
 
 #define FIRST_STATUS_US (5 * US_PER_S) /* a drive that has not answered once by then is absent */
-#define DRIFT_RATE_PRIOR                                                                                     \
-    1e-9 /* relative variance per second: 0.1 % in 1000 s, a halogen lamp on a good supply */
-#define STRAY_LIGHT_REL 5e-4 /* spectrometer-ocean.md 7 */
 #define GEOMETRY_CONVENTION                                                                                  \
     "in plane; theta_i >= 0; theta_v > 0 on the mirror side; sample axis = theta_v, source axis = theta_i "  \
     "+ "                                                                                                     \
@@ -113,17 +110,8 @@ static void write_texts(struct campaign *c, int sample) {
 /* ---- sessions ---- */
 
 void campaign_reduce_setup(const struct campaign *c, struct reduce_setup *setup) {
-    const struct job_reference *r = &c->job->reference;
-    *setup = (struct reduce_setup){.calibration = *spectrometer_calibration(c->instruments.spectrometer),
-                                   .certificate = &c->job->certificate,
-                                   .mode = r->mode,
-                                   .angular_u_rel = r->angular_u_rel,
-                                   .beam_in_view = c->setup.config->optics.filling == FILLING_BEAM_IN_VIEW,
-                                   .mean_nm = {c->job->mean_nm[0], c->job->mean_nm[1]},
-                                   .without_dark = c->setup.config->shutter == SHUTTER_NONE,
-                                   .drift_rate_prior = DRIFT_RATE_PRIOR,
-                                   .stray_light_rel = STRAY_LIGHT_REL,
-                                   .linearity_rel = c->setup.config->spectrometer.linearity_u_rel};
+    reduce_setup_stated(setup, c->job, c->setup.config);
+    setup->calibration = *spectrometer_calibration(c->instruments.spectrometer);
 }
 
 static int create_session(struct campaign *c, int sample, struct err *e) {

@@ -41,6 +41,7 @@
 #include "proto/certificate.h"
 #include "proto/session.h"
 
+struct config;
 struct linearity; /* proto/session_linearity.h */
 
 /* Below it a reference band says less than its neighbours' spread over a paint's edge. */
@@ -89,6 +90,8 @@ int reducer_waiting(const struct reducer *r); /* readings that still wait for th
  * both). */
 double reduce_peak(const struct calibration *c, const uint16_t *counts);
 
+/* What config and job state of it, with the figures for what neither states: all but the calibration. */
+void reduce_setup_stated(struct reduce_setup *setup, const struct job *job, const struct config *config);
 /* The session text "reduce_setup": all but calibration and certificate, which have their own places. */
 json_t *reduce_setup_to_json(const struct reduce_setup *setup);
 int reduce_setup_from_json(const json_t *json, struct reduce_setup *setup, struct err *e);

@@ -4,7 +4,24 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "daemon/config.h"
 #include "daemon/session_text.h"
+
+/* Relative variance per second: 0.1 % in 1000 s, a halogen lamp on a good supply. */
+#define DRIFT_RATE_PRIOR 1e-9
+#define STRAY_LIGHT_REL 5e-4 /* spectrometer-ocean.md 7 */
+
+void reduce_setup_stated(struct reduce_setup *setup, const struct job *job, const struct config *config) {
+    *setup = (struct reduce_setup){.certificate = &job->certificate,
+                                   .mode = job->reference.mode,
+                                   .angular_u_rel = job->reference.angular_u_rel,
+                                   .beam_in_view = config->optics.filling == FILLING_BEAM_IN_VIEW,
+                                   .mean_nm = {job->mean_nm[0], job->mean_nm[1]},
+                                   .without_dark = config->shutter == SHUTTER_NONE,
+                                   .drift_rate_prior = DRIFT_RATE_PRIOR,
+                                   .stray_light_rel = STRAY_LIGHT_REL,
+                                   .linearity_rel = config->spectrometer.linearity_u_rel};
+}
 
 json_t *reduce_setup_to_json(const struct reduce_setup *s) {
     return json_pack("{s:s, s:f, s:b, s:b, s:[i,i], s:f, s:f, s:f, s:f, s:f}", "mode", job_mode_name(s->mode),

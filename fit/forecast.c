@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "fit/cholesky.h"
+#include "fit/drift.h"
 #include "fit/problem.h"
 
 #define U_LN_MAX 0.5 /* as verdict.cc: then a value is a guess, not a result */
@@ -19,6 +20,9 @@ struct covariance {
     double value[MATERIAL_PARAMETERS];
     double chain[COORDINATES_MAX * COORDINATES_MAX];
     double *twice; /* [k][n] room */
+    double *peak;  /* [n] beta of the brightest band */
+    double *level; /* [n] of the mean, as a part of what a white surface gives at the exposure's target */
+    bool *longest; /* [n] whether the exposure is at its longest */
     double *slope; /* [k][n] along the coordinates, weighted, less what the nuisances explain */
     double fisher[COORDINATES_MAX * COORDINATES_MAX];
     double l[COORDINATES_MAX * COORDINATES_MAX]; /* of J^T W J scaled to a unit diagonal */
@@ -27,23 +31,36 @@ struct covariance {
     double common[COORDINATES_MAX * COORDINATES_MAX];
 };
 
-static double noise_of(const struct forecast_noise *noise, double beta, double brightest) {
-    double level = isfinite(noise->span) ? fmin(1, beta / brightest * noise->span) : 1;
+static double noise_of(const struct forecast_noise *noise, double beta, double level) {
     double counting = noise->relative * noise->relative / level, read = noise->read / level;
-    return sqrt(beta * beta * (counting + read * read) + noise->absolute * noise->absolute);
+    return sqrt(beta * beta * (counting + read * read + noise->reference * noise->reference) +
+                noise->absolute * noise->absolute);
+}
+
+/* beta of the brightest band: the lobe has no colour. */
+static double peak_of(const struct problem *p, const struct forecast_noise *noise, const double *value,
+                      size_t i) {
+    const int column = reflectance_column(p->model, MATERIAL_BETA_PRIME);
+    const double lobe =
+        column < 0 ? 0 : p->gradient[i * (size_t)p->k + (size_t)column] * value[MATERIAL_BETA_PRIME];
+    return noise->colour > 0 ? lobe + (p->model_beta[i] - lobe) / noise->colour : p->model_beta[i];
 }
 
 /* The model's own values as readings, with the u they would have. */
 static int fill_readings(struct problem *p, const struct forecast_noise *noise, const double *value,
-                         double *beta, double *u, struct err *e) {
+                         double *beta, double *u, struct covariance *c, struct err *e) {
     double brightest = 0;
     int status = problem_evaluate(p, value, e);
-    for (size_t i = 0; i < p->n; i++) {
-        brightest = fmax(brightest, p->model_beta[i]);
+    for (size_t i = 0; i < p->n && !status; i++) {
+        c->peak[i] = fmax(fabs(peak_of(p, noise, value, i)), 1e-12);
+        brightest = fmax(brightest, c->peak[i]);
     }
     for (size_t i = 0; i < p->n && !status; i++) {
+        const double reached = isfinite(noise->span) ? fmin(1, c->peak[i] / brightest * noise->span) : 1;
+        c->longest[i] = reached < 1;
         beta[i] = p->model_beta[i];
-        u[i] = noise_of(noise, fabs(beta[i]), brightest);
+        c->level[i] = reached * fmax(fabs(beta[i]) / c->peak[i], 1e-12);
+        u[i] = noise_of(noise, fabs(beta[i]), c->level[i]);
     }
     return status;
 }
@@ -115,6 +132,30 @@ static void add_noise(struct covariance *c, const struct problem *p) {
     }
 }
 
+/* The lamp between the control readings: the response of the coordinates to each point of a bracket, two by two. */
+static void add_drift(struct covariance *c, const struct problem *p, const struct estimate_bracket *b,
+                      double *room) {
+    const int k = c->k;
+    const size_t n = b->point ? b->n : p->n;
+    for (size_t x = 0; x < n; x++) {
+        const size_t i = b->point ? (size_t)b->point[x] : x;
+        double *moved = room + x * COORDINATES_MAX;
+        for (int j = 0; j < k; j++) {
+            moved[j] = c->twice[(size_t)j * p->n + i] * p->root_weight[i] * p->model_beta[i] * c->scale[j];
+        }
+        cholesky_solve(k, c->l, moved, moved);
+    }
+    for (size_t x = 0; x < n; x++) {
+        for (size_t y = 0; y < n; y++) {
+            const double covariance = drift_covariance(b, x, y);
+            const double *at = room + x * COORDINATES_MAX, *to = room + y * COORDINATES_MAX;
+            for (int a = 0; a < k * k; a++) {
+                c->statistical[a] += covariance * at[a / k] * c->scale[a / k] * to[a % k] * c->scale[a % k];
+            }
+        }
+    }
+}
+
 /* One cause: change[i] of beta for one standard uncertainty of it; used up. */
 static void add_cause(struct covariance *c, const struct problem *p, double *change) {
     const int k = c->k;
@@ -132,24 +173,102 @@ static void add_cause(struct covariance *c, const struct problem *p, double *cha
     }
 }
 
+static int interval_of(const struct forecast_noise *noise, size_t i) {
+    return noise->interval ? noise->interval[i] : 0;
+}
+
+/* Which of the exposure times a point is read at: quarter octaves of its brightness, or the longest. */
+static int rung_of(const struct covariance *c, size_t i) {
+    const int longest = -1000;
+    return c->longest[i] ? longest : (int)lround(4 * log2(c->peak[i]));
+}
+
+static void add_sample_darks(struct covariance *c, const struct problem *p,
+                             const struct forecast_noise *noise, double *change) {
+    for (size_t i = 0; i < p->n; i++) {
+        const int interval = interval_of(noise, i), rung = rung_of(c, i);
+        bool first = true;
+        for (size_t j = 0; j < p->n; j++) {
+            const bool shares = interval_of(noise, j) == interval && rung_of(c, j) == rung;
+            first = first && !(shares && j < i);
+            change[j] = shares ? noise->dark / c->level[j] * p->model_beta[j] : 0;
+        }
+        if (first) {
+            add_cause(c, p, change);
+        }
+    }
+}
+
+static void add_reference_darks(struct covariance *c, const struct problem *p,
+                                const struct forecast_noise *noise, double *change) {
+    for (size_t i = 0; i < p->n; i++) {
+        const int interval = interval_of(noise, i);
+        bool first = true;
+        for (size_t j = 0; j < p->n; j++) {
+            first = first && !(interval_of(noise, j) == interval && j < i);
+            change[j] = interval_of(noise, j) == interval ? noise->dark * p->model_beta[j] : 0;
+        }
+        if (first) {
+            add_cause(c, p, change);
+        }
+    }
+}
+
+/* What linearisation leaves grows with the level, and a reference is at its target. */
+static void add_linearity(struct covariance *c, const struct problem *p, const struct forecast_noise *noise,
+                          double *change) {
+    for (size_t i = 0; i < p->n; i++) {
+        change[i] = noise->linearity * (c->level[i] - 1) * p->model_beta[i];
+    }
+    add_cause(c, p, change);
+}
+
+static void add_controls(struct covariance *c, const struct problem *p, const struct forecast_noise *noise,
+                         double *change) {
+    for (size_t x = 0; x < noise->n_controls; x++) {
+        for (size_t i = 0; i < p->n; i++) {
+            change[i] = noise->control[x * p->n + i] * p->model_beta[i];
+        }
+        add_cause(c, p, change);
+    }
+}
+
 static void add_causes(struct covariance *c, const struct problem *p, double certificate_rel,
-                       double *change) {
+                       const double *none, double *change) {
+    struct nuisance_cause own[NUISANCE_CAUSES];
+    const int n_own = nuisance_causes(p, none, own);
     for (size_t i = 0; i < p->n; i++) {
         change[i] = certificate_rel * p->model_beta[i];
     }
     add_cause(c, p, change);
-    for (size_t i = 0; i < p->n; i++) {
-        change[i] = p->input->u_zero_source_deg * (p->slope_source[i] + p->spot_source[i]);
+    for (int x = 0; x < n_own; x++) {
+        for (size_t i = 0; i < p->n; i++) {
+            change[i] = own[x].u * (own[x].slope[i] + own[x].spot[i]);
+        }
+        add_cause(c, p, change);
     }
-    add_cause(c, p, change);
-    for (size_t i = 0; i < p->n; i++) {
-        change[i] = p->input->u_zero_sample_deg * (p->slope_sample[i] + p->spot_sample[i]);
+}
+
+static int add_all(struct covariance *c, const struct problem *p, const struct forecast_noise *noise,
+                   double certificate_rel, double *change, struct err *e) {
+    const struct estimate_input *in = p->input;
+    double *room = calloc((p->n + 1) * COORDINATES_MAX, sizeof *room);
+    if (!room) {
+        return err_set(e, ERR_NOMEM, "no memory for a forecast of %zu points", p->n);
     }
-    add_cause(c, p, change);
-    for (size_t i = 0; i < p->n; i++) {
-        change[i] = p->input->u_polarisation * p->slope_polarisation[i];
+    add_causes(c, p, certificate_rel, room, change);
+    add_noise(c, p);
+    for (size_t b = 0; b < in->n_bracket; b++) {
+        add_drift(c, p, &in->bracket[b], room);
     }
-    add_cause(c, p, change);
+    if (noise->dark > 0) {
+        add_sample_darks(c, p, noise, change);
+        add_reference_darks(c, p, noise, change);
+    }
+    add_linearity(c, p, noise, change);
+    add_controls(c, p, noise, change);
+    free(room);
+    return 0;
 }
 
 /* Variance of parameter column j: chain C chain^T. */
@@ -226,11 +345,16 @@ static int advise(const struct covariance *c, const struct problem *p, struct fo
 }
 
 static int forecast_problem(struct problem *p, const struct forecast_noise *noise, double certificate_rel,
-                            const double *value, double *readings, struct forecast *f, struct err *e) {
-    struct covariance c = {
-        .k = p->k, .slope = readings + 3 * p->n, .twice = readings + (3 + COORDINATES_MAX) * p->n};
+                            const double *value, double *readings, bool *longest, struct forecast *f,
+                            struct err *e) {
+    struct covariance c = {.k = p->k,
+                           .longest = longest,
+                           .peak = readings + 3 * p->n,
+                           .level = readings + 4 * p->n,
+                           .slope = readings + 5 * p->n,
+                           .twice = readings + (5 + COORDINATES_MAX) * p->n};
     double *beta = readings, *u = readings + p->n, *change = readings + 2 * p->n;
-    int status = fill_readings(p, noise, value, beta, u, e);
+    int status = fill_readings(p, noise, value, beta, u, &c, e);
     if (status || (status = problem_reweigh(p, value, e))) {
         return status;
     }
@@ -241,8 +365,9 @@ static int forecast_problem(struct problem *p, const struct forecast_noise *nois
         know_nothing(p, f);
         return advise(&c, p, f, e);
     }
-    add_noise(&c, p);
-    add_causes(&c, p, certificate_rel, change);
+    if ((status = add_all(&c, p, noise, certificate_rel, change, e))) {
+        return status;
+    }
     judge(&c, p, f);
     return advise(&c, p, f, e);
 }
@@ -252,8 +377,11 @@ int forecast_make(const struct estimate_input *angles, const struct forecast_noi
     struct problem p;
     struct estimate_input in = *angles;
     *forecast = (struct forecast){0};
-    double *readings = calloc((3 + 2 * COORDINATES_MAX) * (angles->n + 1), sizeof *readings);
-    if (!readings) {
+    double *readings = calloc((5 + 2 * COORDINATES_MAX) * (angles->n + 1), sizeof *readings);
+    bool *longest = calloc(angles->n + 1, sizeof *longest);
+    if (!readings || !longest) {
+        free(readings);
+        free(longest);
         return err_set(e, ERR_NOMEM, "no memory for a forecast of %zu points", angles->n);
     }
     for (size_t i = 0; i < 2 * angles->n; i++) {
@@ -263,9 +391,10 @@ int forecast_make(const struct estimate_input *angles, const struct forecast_noi
     in.u_ind = readings + angles->n;
     int status = problem_init(&p, &in, e);
     if (!status) {
-        status = forecast_problem(&p, noise, certificate_rel, value, readings, forecast, e);
+        status = forecast_problem(&p, noise, certificate_rel, value, readings, longest, forecast, e);
         problem_free(&p);
     }
     free(readings);
+    free(longest);
     return status;
 }

@@ -60,7 +60,35 @@ static void the_index_needs_steep_incidence(void **state) {
     }
 }
 
-/* The estimation of readings without error states the same u: statistical with the axes, common with the causes. */
+#define BRACKETS 2
+static int listed[GONIOMETRY_MAX];
+static double tau_us[GONIOMETRY_MAX], tau_r_us[GONIOMETRY_MAX], control[GONIOMETRY_MAX], seen[GONIOMETRY_MAX];
+
+/* A reading of the diffuser that all points share, more the later; and a lamp that drifts in two brackets of 10 min. */
+static void add_lamp(struct estimate_bracket bracket[BRACKETS], struct estimate_common *reading) {
+    const size_t half = m.input.n / 2;
+    for (size_t i = 0; i < m.input.n; i++) {
+        listed[i] = (int)i;
+        tau_us[i] = 600e6 * (double)(i % half + 1) / (double)(half + 2);
+        tau_r_us[i] = tau_us[i] - 3e6;
+        control[i] = 2e-4 * (double)i / (double)m.input.n;
+        seen[i] = control[i] * m.beta[i];
+    }
+    *reading = (struct estimate_common){.mean = seen};
+    for (size_t b = 0; b < BRACKETS; b++) {
+        const size_t from = b * half, to = b ? m.input.n : half;
+        bracket[b] = (struct estimate_bracket){.n = to - from,
+                                               .point = listed + from,
+                                               .tau_us = tau_us + from,
+                                               .tau_r_us = b ? tau_r_us + from : NULL,
+                                               .length_us = 600e6,
+                                               .rate = 1e-7};
+    }
+    m.input.n_bracket = BRACKETS;
+    m.input.bracket = bracket;
+}
+
+/* The estimation of readings without error states the same u: statistical with axes and drift, common with the causes. */
 static void is_what_the_fit_then_states(void **state) {
     (void)state;
     static double scale[GONIOMETRY_MAX];
@@ -68,7 +96,12 @@ static void is_what_the_fit_then_states(void **state) {
         struct forecast f;
         struct estimate estimate;
         goniometry_make(&m, published[set].value, 60, 5);
-        struct estimate_common certificate = {.mean = scale};
+        struct estimate_common common[2] = {{.mean = scale}};
+        struct estimate_bracket bracket[BRACKETS];
+        struct forecast_noise noise = sheet;
+        add_lamp(bracket, &common[1]);
+        noise.control = control;
+        noise.n_controls = 1;
         for (size_t i = 0; i < m.input.n; i++) {
             scale[i] = 0.004 * m.beta[i];
         }
@@ -79,9 +112,9 @@ static void is_what_the_fit_then_states(void **state) {
         m.input.u_zero_sample_deg = 0.01;
         m.input.u_polarisation = 0.02;
         m.input.hold_offset = set % 2; /* found in the points, or among the common parts */
-        assert_int_equal(forecast_make(&m.input, &sheet, 0.004, published[set].value, &f, NULL), 0);
-        m.input.n_common = 1;
-        m.input.common = &certificate;
+        assert_int_equal(forecast_make(&m.input, &noise, 0.004, published[set].value, &f, NULL), 0);
+        m.input.n_common = 2;
+        m.input.common = common;
         assert_int_equal(estimate_fit(&m.input, &estimate, NULL), 0);
         for (int p = 0; p <= MATERIAL_N; p++) {
             assert_float_equal(f.statistical[p], sqrt(estimate.statistical[p][p]), 0.01 * f.statistical[p]);
@@ -123,6 +156,32 @@ static void what_is_dim_is_noisier(void **state) {
     assert_true(dim.u[MATERIAL_SIGMA] > 3 * bright.u[MATERIAL_SIGMA]);
 }
 
+/* Darks that points share weigh on sigma, which the dim backward points tell; more of them are less alike. */
+static void darks_come_on_top(void **state) {
+    (void)state;
+    static int interval[GONIOMETRY_MAX];
+    struct forecast without, one, several;
+    struct forecast_noise noise = {.relative = 1e-4, .read = 1e-5, .span = 1e4};
+    goniometry_make(&m, published[0].value, 60, 5);
+    assert_int_equal(forecast_make(&m.input, &noise, 0, published[0].value, &without, NULL), 0);
+    noise.dark = 3e-4;
+    assert_int_equal(forecast_make(&m.input, &noise, 0, published[0].value, &one, NULL), 0);
+    for (size_t i = 0; i < m.input.n; i++) {
+        interval[i] = (int)i / 10;
+    }
+    noise.interval = interval;
+    assert_int_equal(forecast_make(&m.input, &noise, 0, published[0].value, &several, NULL), 0);
+    assert_true(without.common[MATERIAL_S] == 0 && one.common[MATERIAL_S] > several.common[MATERIAL_S]);
+    for (int p = 0; p <= MATERIAL_N; p++) {
+        assert_true(one.u[p] > without.u[p] && several.u[p] > without.u[p]);
+    }
+    noise.colour = 0.33; /* the light of a paint is that much less of what its exposure allows */
+    struct forecast coloured;
+    assert_int_equal(forecast_make(&m.input, &noise, 0, published[0].value, &coloured, NULL), 0);
+    assert_true(coloured.u[MATERIAL_SIGMA] > 2 * several.u[MATERIAL_SIGMA]);
+    assert_true(coloured.u[MATERIAL_GAMMA] < 1.5 * several.u[MATERIAL_GAMMA]);
+}
+
 static void angles_that_tell_nothing(void **state) {
     (void)state;
     struct forecast f;
@@ -145,6 +204,7 @@ int main(void) {
         cmocka_unit_test(is_what_the_fit_then_states),
         cmocka_unit_test(what_it_says_to_measure_next_tells_the_most),
         cmocka_unit_test(what_is_dim_is_noisier),
+        cmocka_unit_test(darks_come_on_top),
         cmocka_unit_test(angles_that_tell_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
