@@ -403,8 +403,8 @@ def a_spectrometer_without_its_calibration(place):
 
 def drives_in_trouble(place):
     """A limit switch in the way, whose alarm stays until a person has looked; then a unit that answers nothing."""
-    sim = place.goniosim("axes:\n  - {role: source, unit: 1, switch_low_deg: -30, switch_high_deg: 10}\n"
-                         "  - {role: sample, unit: 2}\n  - {role: holder, unit: 3}\n")
+    sim = place.goniosim("axes:\n  - {role: source, unit: 1, switch_low_deg: -30, switch_high_deg: 10, watchdog_ms: 8000}\n"
+                         "  - {role: sample, unit: 2, watchdog_ms: 8000}\n  - {role: holder, unit: 3, watchdog_ms: 8000}\n")
     bus = next(m for m in sim["modbus"] if m.startswith("tcp:"))
     found = ask_bench(place, bench("usb2000plus", sim["spectrometer"], bus),
                       (["move", "source", "3"], 1, ["position is not known", "gonioctl home source"]),
