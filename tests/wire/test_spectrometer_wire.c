@@ -58,12 +58,17 @@ static void driver_close(struct rig *r) {
     r->s = NULL;
 }
 
+/* INT64_MAX: this machine stood still, so that a scan came too late to be taken. */
 static int64_t take_sets(struct rig *r) {
     int64_t spent = 0;
     for (int i = 0; i < SETS; i++) {
         bench_wait(&r->bench, clock_stamp(&r->clock) + 200000 + i * 9000, NULL, NULL, NULL);
         int64_t settled = clock_stamp(&r->clock);
-        assert_int_equal(spectrometer_acquire(r->s, SCANS, settled, r->frames, NULL, &r->e), 0);
+        err_clear(&r->e);
+        int result = spectrometer_acquire(r->s, SCANS, settled, r->frames, NULL, &r->e);
+        if (result == -ERR_TIMEOUT)
+            return INT64_MAX;
+        assert_int_equal(result, 0);
         spent += clock_stamp(&r->clock) - settled;
         for (int f = 0; f < SCANS; f++)
             assert_true(r->frames[f].start_us >= settled && r->frames[f].end_us <= clock_now_us(&r->clock));
