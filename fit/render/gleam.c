@@ -103,7 +103,7 @@ static double bell(double x) {
     return t / (LOGISTIC * (1 + t) * (1 + t));
 }
 
-static void turn_axes(struct vec3 axis[2], double c, double s) {
+static void turn_axes(struct vec3 *axis, double c, double s) {
     struct vec3 first = vec3_add(vec3_scale(axis[0], c), vec3_scale(axis[1], s));
     axis[1] = vec3_sub(vec3_scale(axis[1], c), vec3_scale(axis[0], s));
     axis[0] = first;
