@@ -4,8 +4,11 @@ import math
 import os
 import random
 import subprocess
-import tempfile
+import sys
 from pathlib import Path
+
+sys.path.insert(0, "tests/support")
+import in_folders  # noqa: E402
 
 GONIOFIT = Path(os.environ.get("BUILD", "build"), "goniofit")
 MATERIAL = {"S": 0.2, "sigma": 0.3, "gamma": 0.07, "beta_prime": 7.6, "n": 1.7, "kappa": 1, "q": 1.5}
@@ -368,17 +371,5 @@ def test_help_and_version(folder):
     assert run("--serve", text="")[0] == 0
 
 
-def main():
-    tests = [(name, f) for name, f in globals().items() if name.startswith("test_")]
-    print(f"1..{len(tests)}")
-    for number, (name, test) in enumerate(tests, 1):
-        try:
-            with tempfile.TemporaryDirectory() as folder:
-                test(Path(folder))
-            print(f"ok {number} {name}")
-        except Exception as e:
-            print(f"not ok {number} {name}\n# {type(e).__name__}: {e}", flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(in_folders.run(globals()))

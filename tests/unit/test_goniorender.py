@@ -7,10 +7,12 @@ import signal
 import struct
 import subprocess
 import sys
-import tempfile
 import time
 import zlib
 from pathlib import Path
+
+sys.path.insert(0, "tests/support")
+import in_folders  # noqa: E402
 
 GONIORENDER = Path(os.environ.get("BUILD", "build"), "goniorender").absolute()
 SCENES = Path("docs/examples/scenes").absolute()
@@ -358,20 +360,5 @@ def test_ctrl_c_keeps_what_is_done(folder):
     assert 0 < rows < 4000
 
 
-def main():
-    tests = [(name, test) for name, test in globals().items() if name.startswith("test_")]
-    print(f"1..{len(tests)}")
-    failed = 0
-    for number, (name, test) in enumerate(tests, 1):
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                test(Path(folder))
-                print(f"ok {number} - {name}")
-            except Exception as e:  # a test that breaks is a test that failed
-                failed += 1
-                print(f"not ok {number} - {name}\n# {type(e).__name__} {e}")
-    return failed > 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(in_folders.run(globals()))
