@@ -34,7 +34,7 @@
 extern "C" {
 #endif
 
-struct forecast_noise { /* what is 0 does not occur */
+struct forecast_noise { /* what is 0 does not occur; span is never below 1 */
     double relative;    /* counting, at the target */
     double read;        /* reading out, as a part of the reading at the target */
     double reference;   /* of a reference reading of the point's own, relative */

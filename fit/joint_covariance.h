@@ -22,7 +22,8 @@
 extern "C" {
 #endif
 
-/* Fills rows, covariances, at_bound, chi2_expected, misfit and the u of the nuisances of joint. model[n_bands * n] is the solution's. */
+/* Fills rows, covariances, at_bound, chi2_expected, misfit and the u of the nuisances of joint. model[n_bands * n] is the
+ * solution's. */
 int joint_covariance(const struct joint_data *d, const struct joint_solution *solution,
                      bool beta_prime_per_band, const double *model, struct joint *joint, struct err *e);
 

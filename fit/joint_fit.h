@@ -4,7 +4,8 @@
  * Starts from the estimate of the visible means and needs its axis slopes; weights from each band's u (the independent part)
  * and the axes, recomputed from the model once. See fit/joint_solve.h for the method and fit/joint_covariance.h for the
  * uncertainty. Mirror offset and P are free with their priors, as in the estimate of the means (fit/nuisance.h), and the model
- * moves to where all bands together want them: joint.mirror_offset_deg and joint.polarisation. What the bands cannot tell is an answer (joint.refusal), not an error.
+ * moves to where all bands together want them: joint.mirror_offset_deg and joint.polarisation. What the bands cannot tell is
+ * an answer (joint.refusal), not an error.
  *
  * Domain     input as in fit/estimate.h with band_beta; beta_prime_per_band only where the model has a beta'.
  * Errors     -ERR_RANGE, -ERR_USAGE of the input; -ERR_NOMEM. *joint then owns nothing; else joint_free frees it.

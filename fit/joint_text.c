@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-/* What only all bands together tell of the bench, as rows among the shared parameters. */
+/* Of the bench, as rows among the shared parameters: as all bands tell it, or P as stated where they do not. */
 static void print_found(const struct joint *j) {
     if (j->u_mirror_offset_deg > 0) {
         printf("  %-11s %14.8g %12.3g\n", "offset, deg", j->mirror_offset_deg, j->u_mirror_offset_deg);

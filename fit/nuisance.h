@@ -69,7 +69,7 @@ double nuisance_chi2(const struct problem *p); /* of the priors, where the model
 /* How far point i's angles are from its readbacks, and what its value is multiplied by through K. */
 void nuisance_shift(const struct problem *p, size_t i, double *di_deg, double *dv_deg, double *factor);
 /* The axis zeros and P at their priors, as common causes; slope is the same change in every band, spot in proportion to
- * beta. Returns how many. */
+ * beta; none: the spot of P, which moves none (NULL, or n zeros). Returns how many. */
 #define NUISANCE_CAUSES 3
 struct nuisance_cause {
     const double *slope, *spot;

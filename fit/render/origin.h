@@ -4,8 +4,8 @@
  * {"program", "command", "scene", "scene_sha256", "materials": [{"name", "source", "sha256", "model", "parameters", "u",
  * "kappa", "held_bands_nm", "held_share", "spectrum"}], "shapes": [{"kind", "mask", "relief", "mesh"}], "lights": [{"kind",
  * "spd", "spd_sha256", "share", ...}], "observer", "space", "adaptation", "exposure", "white", "grid", "bounces", "energy",
- * "left_out", "kept", "bound", "counts", "noise_y", "clipped", "out_of_gamut", "max_y"}; of recoloured planes also "rendered", the
- * origin of these, and "spectrum_of" in a material whose S(lambda) is now that of another session.
+ * "left_out", "kept", "bound", "counts", "noise_y", "clipped", "out_of_gamut", "max_y"}; of recoloured planes also
+ * "rendered", the origin of these, and "spectrum_of" in a material whose S(lambda) is now that of another session.
  *
  * Files      every one that was read is named with the SHA-256 of its bytes: "spectrum", "mask", "relief" and "mesh" are
  *            {"file", "sha256"}. A file that was not needed is not read, and has none.

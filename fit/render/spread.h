@@ -7,7 +7,7 @@
  *                        drawn, a, b, c to first order in the shared parameters; the same draws for all pixels; what comes
  *                        over other surfaces to first order in all of them (spread_path.h)
  *     sampling           CIEDE2000 between the picture and itself with one sample more each way in a pixel
- *     noise              variance of Y by what was drawn at random, of lights with extent; 0 without them
+ *     noise              variance of Y by what was drawn at random: lights with extent, several bounces; 0 without both
  * Paints are independent of each other; a paint without a covariance counts as exactly known. Light, camera and
  * shapes are taken as given.
  *
