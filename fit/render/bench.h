@@ -35,7 +35,7 @@ struct bench_size {
     int error_pixels, time_pixels; /* side of the pictures for errors and for times */
     int panel_pixels;              /* of the panel, each seen at its centre */
     int reference_grid;            /* its samples a pixel: grid squared, in two halves */
-    int repeats;                   /* of each timed process */
+    int repeats;                   /* rounds of whatever is timed */
     int fold_pixels, fold_samples; /* of the fold: side of the picture; paths a pixel of its reference */
     int mesh_jitters, mesh_rings;  /* of the mesh: directions in a texel of half its reference; finest body */
 };
@@ -114,6 +114,7 @@ int bench_panel_run(const char *folder, const struct bench_panel *s, const struc
                     struct bench_panel_errors *out, struct err *e);
 /* Rounds in which each runs once, so that busy moments of the machine are shared. */
 int bench_time_rounds(struct bench_program *program, int n, int rounds, struct err *e);
+const char *bench_met(bool good); /* a figure that was to be reached */
 /* Whole processes of one and two threads, POV-Ray beside them; self: the program that is timed. */
 int bench_process_report(const char *self, const char *folder, const struct bench_size *size, FILE *out,
                          struct err *e);

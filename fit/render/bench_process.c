@@ -11,7 +11,7 @@ struct processes { /* what is timed, with the room for their words */
     struct bench_program program[PROGRAMS];
 };
 
-static const char *met(bool good) {
+const char *bench_met(bool good) {
     return good ? "met" : "not met";
 }
 
@@ -85,8 +85,8 @@ static void print_figures(const struct processes *p, FILE *out) {
         "by CPU |\n"
         "| two threads over one, trace, 16 samples, the quietest round of each | 1.85 by wall | %.2f | %s "
         "|\n",
-        one->trace_s, one->trace_cpu_s, met(one->trace_s <= 0.12), met(one->trace_cpu_s <= 0.12), threads,
-        met(threads >= 1.85));
+        one->trace_s, one->trace_cpu_s, bench_met(one->trace_s <= 0.12), bench_met(one->trace_cpu_s <= 0.12),
+        threads, bench_met(threads >= 1.85));
     if (p->program[POVRAY].missing) {
         fprintf(out, "| POV-Ray, RGB, without antialiasing | whole process at most 1/6 of it | not "
                      "installed here |\n");
@@ -97,7 +97,8 @@ static void print_figures(const struct processes *p, FILE *out) {
         out,
         "| whole process, 1 thread, over POV-Ray's of RGB without antialiasing in the same rounds | 1/6 by "
         "wall | 1/%.1f by wall (%.3f s of POV-Ray), 1/%.1f by CPU | %s |\n",
-        pov->wall_s / one->wall_s, pov->wall_s, pov->cpu_s / one->cpu_s, met(pov->wall_s >= 6 * one->wall_s));
+        pov->wall_s / one->wall_s, pov->wall_s, pov->cpu_s / one->cpu_s,
+        bench_met(pov->wall_s >= 6 * one->wall_s));
 }
 
 int bench_process_report(const char *self, const char *folder, const struct bench_size *size, FILE *out,

@@ -154,10 +154,6 @@ static int bench_errors_of_all(const struct bench *b, struct err *e) {
     return status;
 }
 
-static const char *met(bool good) {
-    return good ? "met" : "not met";
-}
-
 static int bench_panels_of_all(const struct bench *b, struct err *e) {
     struct bench_panel_errors x[16];
     int status = 0;
@@ -199,7 +195,7 @@ static int bench_parts(const struct bench *b, struct err *e) {
     fprintf(b->out,
             "| recolour, planes in memory, 1 thread | 3 ms | %.2f ms to linear colour, %.2f ms with 8-bit "
             "codes | %s |\n\n",
-            1e3 * recolour.rgb_s, 1e3 * recolour.codes_s, met(recolour.rgb_s <= 3e-3));
+            1e3 * recolour.rgb_s, 1e3 * recolour.codes_s, bench_met(recolour.rgb_s <= 3e-3));
     status = bench_ablation(b->folder, b->size, &x, e);
     fprintf(b->out,
             "## What each left-out part would cost\n\nCPU of tracing and colouring, %d x %d pixels, 1 "
