@@ -2,8 +2,6 @@
  * shut, torque stays on, the axes are polled; virtual time stands still while a person is awaited. */
 #include "daemon/campaign_private.h"
 
-#include <string.h>
-
 static bool may_go_on(void *arg) {
     const struct campaign *c = arg;
     return c->want.go_on || campaign_must_end(c);
@@ -59,7 +57,8 @@ int campaign_pause(struct campaign *c, struct err *e) {
 }
 
 #define TEXT_OF(number) #number
-#define RETRY_TEXT(s) TEXT_OF(s)
+#define TEXT_OF_VALUE(macro) TEXT_OF(macro)
+#define RETRY_S TEXT_OF_VALUE(CAMPAIGN_RETRY_S)
 
 /* For a person who comes to a campaign that waits: what it does by itself, and what it waits for. */
 static const char *what_follows(bool planned, bool person) {
@@ -67,11 +66,9 @@ static const char *what_follows(bool planned, bool person) {
         return "Then: gonioctl continue";
     if (person)
         return "When that is put right: gonioctl continue, which resets alarms, homes an axis that has lost "
-               "its "
-               "position, and takes the step again";
-    return "goniod tries again every " RETRY_TEXT(
-        CAMPAIGN_RETRY_S) " s and goes on by itself when that works; "
-                          "gonioctl continue tries at once";
+               "its position, and takes the step again";
+    return "goniod tries again every " RETRY_S " s and goes on by itself when that works; "
+           "gonioctl continue tries at once";
 }
 
 static void begin_hold(struct campaign *c, const char *text, bool planned, bool person) {
