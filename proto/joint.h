@@ -47,8 +47,8 @@ struct joint {
     double value[MATERIAL_PARAMETERS];
     bool at_bound[MATERIAL_PARAMETERS];
     double s_lambda[BANDS], beta_prime[BANDS];
-    double mirror_offset_deg,
-        u_mirror_offset_deg; /* as in struct estimate, but told by all bands; 0, 0: not fitted */
+    /* As in struct estimate, but told by all bands; u 0: not fitted, P is the stated one. */
+    double mirror_offset_deg, u_mirror_offset_deg;
     double polarisation, u_polarisation;
     int n;
     struct joint_row row[JOINT_ROWS];

@@ -1,7 +1,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "proto/session_internal.h"
 
@@ -106,7 +105,7 @@ static int write_joint(struct session *s, const struct joint *j, struct err *e) 
         rc = write_head(s, newest, j, e);
     for (int i = 0; rc == 0 && i < j->n; i++)
         rc = write_joint_row(s, newest, j, i, e);
-    if (rc == 0 && (j->u_mirror_offset_deg > 0 || j->u_polarisation > 0))
+    if (rc == 0 && (j->u_mirror_offset_deg > 0 || j->u_polarisation > 0 || j->polarisation != 0))
         rc = write_found(s, newest, j, e);
     return rc;
 }

@@ -7,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "tests/support/session_rows.h"
 
@@ -336,6 +335,21 @@ static void a_joint_fit_stands_beside_its_estimate(void **state) {
     ROW_OK(session_close(s, e));
 }
 
+/* Held, not fitted: without u, and still what the fit went by. */
+static void a_joint_fit_keeps_the_stated_polarisation(void **state) {
+    (void)state;
+    struct session *s = row_fill(row_path, 3);
+    struct estimate m;
+    struct joint joint = {.model = "composite", .converged = true, .polarisation = 0.1 / 7}, back;
+    row_estimate(1, &m);
+    ROW_OK(session_add_estimate(s, 1000, 1, &m, e));
+    ROW_OK(session_add_joint(s, &joint, e));
+    ROW_OK(session_last_joint(s, &back, e));
+    assert_true(back.polarisation == 0.1 / 7 && back.u_polarisation == 0 && back.u_mirror_offset_deg == 0);
+    joint_free(&back);
+    ROW_OK(session_close(s, e));
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, row_setup, row_teardown)
 
 /* --make FILE: a session for tests/unit/test_session_format.py. */
@@ -367,6 +381,7 @@ int main(int argc, char **argv) {
         TEST(models_belong_to_the_newest_estimate),
         TEST(slopes_belong_to_the_newest_estimate),
         TEST(a_joint_fit_stands_beside_its_estimate),
+        TEST(a_joint_fit_keeps_the_stated_polarisation),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
