@@ -120,7 +120,8 @@ static int no_trouble(void *arg, int64_t us, const char *kind, const char *json)
     return 0;
 }
 
-/* A person at the holder for 3 s, exposures of 2.4 s, a stall of 4 s: in each of them drives that nobody polls would give up. */
+/* A person at the holder for 3 s, exposures of 2.4 s, a stall of 4 s: in each of them drives with the built-in watchdog
+ * of 1 s, not polled, would give up. */
 static void nothing_keeps_the_drives_waiting(void **state) {
     (void)state;
     char job[96], path[256], name[160];
