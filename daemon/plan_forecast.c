@@ -2,7 +2,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "daemon/instruments.h"
 #include "daemon/reduce.h"
@@ -299,11 +298,9 @@ void plan_forecast_print(const json_t *forecast, FILE *out) {
     const json_t *sets = json_object_get(forecast, "sets"), *set;
     size_t i;
     fprintf(out,
-            "To be expected of the published paints at these %d points, u by noise (%.2g of a mean), darks, "
-            "drift,\n"
-            "linearity, axes, zeros, polarisation and certificate (%.2g); stray light, and what colour adds, "
-            "come on "
-            "top:\n  %-10s",
+            "To be expected of the published paints at these %d points, u by noise (%.2g of a mean), "
+            "darks, drift,\nlinearity, axes, zeros, polarisation and certificate (%.2g); stray light, "
+            "and what colour adds, come on top:\n  %-10s",
             (int)json_integer_value(json_object_get(forecast, "points")),
             json_number_value(json_object_get(forecast, "noise_relative")),
             json_number_value(json_object_get(forecast, "certificate_relative")), "");

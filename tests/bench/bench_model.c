@@ -1,7 +1,6 @@
 /* Nanoseconds a point of the model with all its derivatives: plain, and each width of the kernel that this processor has.
  * The least of many runs over the paper's grid of 198 points. */
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #include "fit/reflectance_wide.h"

@@ -4,7 +4,6 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
-#include <stdlib.h>
 
 #include "fit/render/glint.h"
 #include "fit/render/intersect.h"

@@ -8,7 +8,6 @@
 #include "fit/render/gleam.h"
 #include "fit/render/intersect.h"
 #include "fit/render/sampler.h"
-#include "proto/units.h"
 #include "tests/support/render_scene.h"
 
 #define SIDES                                                                                                \
