@@ -319,7 +319,8 @@ static void notified_programs_are_told_and_never_waited_for(void **state) {
     snprintf(dying, sizeof dying, "%s/dying", f->dir);
     snprintf(text, sizeof text, "#!/bin/sh\ncat >> %s.json\necho >> %s.json\n", keeper, keeper);
     write_program(keeper, text);
-    write_program(sleeper, "#!/bin/sh\nexec sleep 600 >/dev/null 2>&1\n");
+    snprintf(text, sizeof text, "#!/bin/sh\necho $$ >> %s.pids\nexec sleep 600 >/dev/null 2>&1\n", sleeper);
+    write_program(sleeper, text);
     write_program(dying, "#!/bin/sh\nkill -9 $$\n");
     assert_true(asprintf(&config, "%snotify: [%s, %s, %s, /nowhere/program]\n", config_builtin_text(),
                          sleeper, dying, keeper) > 0);
@@ -342,6 +343,8 @@ static void notified_programs_are_told_and_never_waited_for(void **state) {
     assert_non_null(strstr(told, "\"event\":\"hold\""));
     assert_non_null(strstr(told, "axis sample (unit 2 on "));
     assert_non_null(strstr(told, "goniod tries again every 10 s"));
+    snprintf(text, sizeof text, "kill $(cat %s.pids)", sleeper);
+    assert_int_equal(system(text), 0);
     free(told);
     free(config);
 }
