@@ -17,7 +17,7 @@ static const char help[] =
     "  --csv, --plot  the rows of the errors; log-log, drawn by gnuplot\n"
     "  --quick        small pictures: whether it works, not how fast\n";
 
-static const struct bench_size whole = {100, 1000, 40, 64, 5, 32, 32768, 256, 768},
+static const struct bench_size whole = {100, 1000, 40, 64, 9, 32, 32768, 256, 768},
                                quick = {24, 60, 8, 8, 1, 8, 256, 1, 48};
 
 struct bench {
