@@ -6,11 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <sys/utsname.h>
 
+#include "fit/bench_place.h"
 #include "fit/solve.h"
 #include "proto/figure.h"
-#include "proto/process.h"
 
 #define EQUAL_COST                                                                                           \
     1e-8 /* of chi-square: 1e-3 u or less; beyond it two fits are not the same, and no ratio is given */
@@ -35,58 +34,19 @@ static bool equal_cost(const struct bench_record *a, const struct bench_record *
     return a && b && fabs(a->chi2 - b->chi2) <= EQUAL_COST * fabs(b->chi2);
 }
 
-/* One line of a program's output; "unknown" where there is none. */
-static void first_line(const char *const *argv, char *text, size_t size) {
-    struct err e = {0};
-    FILE *out = tmpfile();
-    snprintf(text, size, "unknown");
-    if (out && process_run(argv, fileno(out), &e) == 0) {
-        rewind(out);
-        if (fgets(text, (int)size, out)) {
-            text[strcspn(text, "\n")] = '\0';
-        }
-    }
-    if (out) {
-        fclose(out);
-    }
-}
-
-static void processor(char *text, size_t size) {
-    char line[256];
-    FILE *f = fopen("/proc/cpuinfo", "r");
-    snprintf(text, size, "unknown");
-    while (f && fgets(line, sizeof line, f)) {
-        char *colon = strchr(line, ':');
-        if (strncmp(line, "model name", 10) == 0 && colon) {
-            line[strcspn(line, "\n")] = '\0';
-            snprintf(text, size, "%s", colon + 2);
-            break;
-        }
-    }
-    if (f) {
-        fclose(f);
-    }
-}
-
 static void write_machine(FILE *md, const struct bench_results *r) {
     static const char *const width[] = {"SSE2", "AVX2", "AVX-512"};
-    const char *const git[] = {"git", "rev-parse", "--short", "HEAD", NULL};
-    char commit[64], cpu[128], date[32] = "";
+    struct bench_place place;
     double load[3] = {0};
-    struct utsname system;
-    first_line(git, commit, sizeof commit);
-    processor(cpu, sizeof cpu);
-    uname(&system);
+    bench_place_find(&place);
     getloadavg(load, 3);
-    const char *const day[] = {"date", "-u", "+%Y-%m-%dT%H:%MZ", NULL};
-    first_line(day, date, sizeof date);
     fprintf(
         md,
         "# Error against run time\n\n"
         "Written by `goniofit bench`; every figure below is of this one run, one thread.\n\n"
         "- date: %s, goniod " GONIOD_VERSION ", commit %s\n"
         "- CPU: %s; kernel as wide as %s; load average at the end %.2f\n"
-        "- compiler: gcc " __VERSION__ ", -O2, kernels -O3; Linux %s\n"
+        "- compiler: %s\n"
         "- libraries: %s; %s\n"
         "- cold: from the start, warm: from the optimum without the last point (TinySolver keeps the "
         "sums of its "
@@ -94,9 +54,9 @@ static void write_machine(FILE *md, const struct bench_results *r) {
         "the quietest of %d rounds over all solvers (joint fit: medians of 31; scipy, and the cost against "
         "points and bands: one round), every fit timed by itself, geometry and weights ready (%.1f us for "
         "198 points)\n\n",
-        date, commit, cpu, width[reflectance_batch_width()], load[0], system.release, solve_name(SOLVE_QR),
-        r->of_fits.versions[0] ? r->of_fits.versions : "no others were found", r->repeats, r->rounds,
-        r->geometry_us);
+        place.date, place.commit, place.cpu, width[reflectance_batch_width()], load[0], place.system,
+        solve_name(SOLVE_QR), r->of_fits.versions[0] ? r->of_fits.versions : "no others were found",
+        r->repeats, r->rounds, r->geometry_us);
 }
 
 struct ratio { /* the least favourable one over the published sets */

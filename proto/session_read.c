@@ -26,7 +26,7 @@ static void get_text(struct query *q, int at, char *text, size_t size) {
 void session_take_doubles(struct query *q, int at, double *value, size_t n) {
     size_t size;
     const void *bytes = query_bytes(q, at, &size);
-    if (size == n * sizeof *value)
+    if (size > 0 && size == n * sizeof *value)
         memcpy(value, bytes, size);
     else
         for (size_t i = 0; i < n; i++)

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "fit/bench_place.h"
 #include "fit/render/bench.h"
 
 static const char help[] =
@@ -61,36 +62,23 @@ static int read_options(int argc, char **argv, struct bench *b, struct err *e) {
     return status;
 }
 
-static void first_line(const char *path, const char *key, char *line, size_t size) {
-    FILE *file = fopen(path, "r");
-    snprintf(line, size, "unknown");
-    for (char text[256]; file && fgets(text, sizeof text, file);) {
-        if (strncmp(text, key, strlen(key)) == 0) {
-            const char *colon = key[0] ? strchr(text, ':') : NULL;
-            snprintf(line, size, "%.*s", (int)strcspn(colon ? colon + 2 : text, "\n"),
-                     colon ? colon + 2 : text);
-            break;
-        }
-    }
-    if (file) {
-        fclose(file);
-    }
-}
-
 static void print_head(const struct bench *b) {
-    char cpu[256], load[256];
-    first_line("/proc/cpuinfo", "model name", cpu, sizeof cpu);
-    first_line("/proc/loadavg", "", load, sizeof load);
+    struct bench_place place;
+    double load[3] = {0};
+    getloadavg(load, 3);
+    bench_place_find(&place);
     fprintf(
         b->out,
         "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
-        "- processor: %s, %ld of them; load average when it began: %s\n"
+        "- date: %s, commit %s\n"
+        "- compiler: %s\n"
+        "- processor: %s, %ld of them; load average when it began: %.2f %.2f %.2f\n"
         "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
         "- scenes: S1, S2 a cylinder in parallel light, orthographic; S3 a panel under a rectangle light; S4 "
         "a fold;\n"
         "  S5 a mesh in an environment; S6 is `goniorender stability`\n\n",
-        GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", cpu,
-        sysconf(_SC_NPROCESSORS_ONLN), load);
+        GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", place.date,
+        place.commit, place.system, place.cpu, sysconf(_SC_NPROCESSORS_ONLN), load[0], load[1], load[2]);
 }
 
 static void print_errors(const struct bench *b, const char *name, const struct bench_errors *x) {
