@@ -124,18 +124,22 @@ static int drive_limits(struct commission *c, int64_t *low, int64_t *high, struc
     return result ? result : 1;
 }
 
-/* A limit of the drive that lies within reach in one order of its words only; 0 = none does. */
+static bool within_reach(const struct axis *a, int64_t low, int64_t high) {
+    return plausible(a, low) && plausible(a, high) && low < high;
+}
+
+/* A limit of the drive that lies within reach in one order of its words only; 0 = none does. Both together, for a drive
+ * that was told of no limits has them far away, where one alone can look like a near one with its words swapped. */
 static int64_t telling_limit(struct commission *c) {
+    const struct axis *a = c->axis;
     int64_t limit[2] = {0, 0};
     struct err ignored = {0};
-    if (drive_limits(c, &limit[0], &limit[1], &ignored) != 1)
+    if (drive_limits(c, &limit[0], &limit[1], &ignored) != 1 ||
+        within_reach(a, limit[0], limit[1]) == within_reach(a, swapped(limit[0]), swapped(limit[1])))
         return 0;
-    for (int i = 0; i < 2; i++)
-        if (plausible(c->axis, limit[i]) != plausible(c->axis, swapped(limit[i]))) {
-            say(c, " A soft limit of the drive: %lld steps.", (long long)limit[i]);
-            return limit[i];
-        }
-    return 0;
+    int tells = plausible(a, limit[0]) != plausible(a, swapped(limit[0])) ? 0 : 1;
+    say(c, " A soft limit of the drive: %lld steps.", (long long)limit[tells]);
+    return limit[tells];
 }
 
 static int ask_to_turn(struct commission *c) {

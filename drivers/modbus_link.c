@@ -85,9 +85,9 @@ static int lock_tty(struct bus *b, struct err *e) {
     return refuse_second(b, "fuser -v", e);
 }
 
-/* Drives behind TCP obey several masters, and two goniods on this machine would move the axes against each other. A name (of the
- * address, however the config spells it)
- * in the abstract space of unix sockets is held by one process and goes with it. */
+/* Drives behind TCP obey several masters, and two goniods on this machine would move the axes against each other. A name
+ * in the abstract space of unix sockets is held by one process and goes with it; it is that of the address, however the
+ * config spells it. */
 static int lock_name(struct bus *b, struct err *e) {
     struct sockaddr_un name = {.sun_family = AF_UNIX};
     int n = snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "goniod/%s:%s", b->device, b->port) + 1;

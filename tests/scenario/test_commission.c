@@ -145,6 +145,19 @@ static void at_zero_the_words_are_told_apart_by_the_limits_of_the_drive(void **s
     }
 }
 
+/* 5 * 65536 steps: 3277 deg as they are, and next to zero with the words swapped. */
+static void limits_far_away_do_not_tell_the_words_apart(void **state) {
+    (void)state;
+    struct modbus_request rq = {
+        .unit = 1, .function = 16, .addr = 0x388, .count = 4, .regs = {5, 0, 0xfffb, 0}};
+    assert_int_equal(modbus_link_transact(&link_, &rq, &err), 0);
+    open_axis();
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(commission_answer(&c, i ? "yes" : "", NULL, &err), 0);
+    assert_false(c.over);
+    assert_non_null(strstr(c.question, "order of the words"));
+}
+
 static void a_wrong_word_order_is_found_before_anything_moves(void **state) {
     (void)state;
     jog(12.34);
@@ -214,6 +227,7 @@ int main(void) {
         TEST(a_right_profile_passes_and_ends_where_it_began),
         TEST(at_zero_the_words_are_told_apart_by_turning_it),
         TEST(at_zero_the_words_are_told_apart_by_the_limits_of_the_drive),
+        TEST(limits_far_away_do_not_tell_the_words_apart),
         TEST(a_wrong_word_order_is_found_before_anything_moves),
         TEST(wrong_status_bits_are_found_at_rest),
         TEST(a_stop_that_does_not_stop_is_found),
