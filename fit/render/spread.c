@@ -25,7 +25,7 @@ struct work { /* one picture, shared by all threads */
     double (*change)[SPREAD_DRAWS][MATERIAL_PARAMETERS]; /* [paint]: of the shared parameters */
     struct planes planes, slope[MATERIAL_PARAMETERS];
     bool moved[MATERIAL_PARAMETERS]; /* slope[] holds something */
-    bool several;                    /* bounces: then path holds something */
+    bool several;                    /* light comes over other surfaces: then path holds something */
     struct spread_path path;
     double white[3];
 };
@@ -318,7 +318,7 @@ static int prepare_planes(struct work *w, struct err *e) {
     struct render_options options = *w->options;
     options.hits = &hits;
     options.steady = w->scene;
-    int status = spread_render(w->scene, &options, &w->planes, e);
+    int status = spread_render(w->several ? w->scene : &w->first, &options, &w->planes, e);
     if (!status && w->several) {
         status = spread_path_make(w->scene, w->paint, &options, &w->path, e);
         w->spread->renderings = w->path.renderings;
@@ -414,13 +414,15 @@ static int make_all(struct work *w, uint64_t seed, struct err *e) {
 int spread_make(const struct scene *scene, const struct joint *const joint[SCENE_PAINTS], uint64_t seed,
                 const struct render_options *options, struct spread *spread, struct err *e) {
     struct work *w = calloc(1, sizeof *w);
+    struct features features;
     if (!w) {
         return err_set(e, ERR_NOMEM, "no memory for the uncertainty");
     }
     w->scene = scene;
     w->first = *scene;
     w->first.image.bounces = 1;
-    w->several = scene->image.bounces > 1;
+    features_find(scene, options->all_features, &features);
+    w->several = scene->image.bounces > 1 && features.line[FEATURE_INTERREFLECTION].kept;
     w->joint = joint;
     w->options = options;
     w->spread = spread;

@@ -168,6 +168,7 @@ static void a_convex_shape_has_the_covariance_of_one_bounce(void **state) {
     struct setting one, many;
     set_up(&one, BALL, 1);
     set_up(&many, BALL, 4);
+    assert_int_equal(many.spread.renderings, 0);
     for (int k = 0; k <= SPREAD_P95; k++)
         for (int i = 0; i < PIXELS; i++) {
             float a = one.spread.plane[k][i], b = many.spread.plane[k][i];
