@@ -19,6 +19,7 @@
 struct points {
     size_t n;
     double *theta_i_deg, *theta_v_deg;
+    double *middle_us; /* [n_steps] since the plan began */
     bool *mirrored;
     int *step, *interval; /* [n] of the plan; of darks */
     int *listed;          /* [n] bracket by bracket, as tau_us and tau_r_us */
@@ -42,6 +43,7 @@ static int allocate(struct points *p, const struct plan *plan, struct err *e) {
         p->n_controls += is_control(&plan->step[i]);
     p->theta_i_deg = calloc(n, sizeof(double));
     p->theta_v_deg = calloc(n, sizeof(double));
+    p->middle_us = calloc(n, sizeof(double));
     p->mirrored = calloc(n, sizeof(bool));
     p->step = calloc(n, sizeof(int));
     p->interval = calloc(n, sizeof(int));
@@ -50,8 +52,8 @@ static int allocate(struct points *p, const struct plan *plan, struct err *e) {
     p->tau_r_us = calloc(n, sizeof(double));
     p->bracket = calloc(n, sizeof *p->bracket);
     p->control = calloc(n * (p->n_controls + 1), sizeof(double));
-    return p->theta_i_deg && p->theta_v_deg && p->mirrored && p->step && p->interval && p->listed &&
-                   p->tau_us && p->tau_r_us && p->bracket && p->control
+    return p->theta_i_deg && p->theta_v_deg && p->middle_us && p->mirrored && p->step && p->interval &&
+                   p->listed && p->tau_us && p->tau_r_us && p->bracket && p->control
                ? 0
                : err_set(e, ERR_NOMEM, "no memory for a forecast");
 }
@@ -59,6 +61,7 @@ static int allocate(struct points *p, const struct plan *plan, struct err *e) {
 static void free_points(struct points *p) {
     free(p->theta_i_deg);
     free(p->theta_v_deg);
+    free(p->middle_us);
     free(p->mirrored);
     free(p->step);
     free(p->interval);
@@ -69,24 +72,20 @@ static void free_points(struct points *p) {
     free(p->control);
 }
 
-/* The middle of a step, since the plan began. */
-static double time_us(const struct plan *plan, int step) {
-    double us = 0;
-    for (int i = 0; i < step; i++)
-        us += (double)plan->step[i].estimate_us;
-    return us + (double)plan->step[step].estimate_us / 2;
-}
-
 static int take_points(struct points *p, const struct plan *plan, const struct job *job, struct err *e) {
     int rc = allocate(p, plan, e);
-    for (int i = 0; rc == 0 && i < plan->n_steps; i++)
+    double begun_us = 0;
+    for (int i = 0; rc == 0 && i < plan->n_steps; i++) {
+        p->middle_us[i] = begun_us + (double)plan->step[i].estimate_us / 2;
+        begun_us += (double)plan->step[i].estimate_us;
         if (is_point(&plan->step[i])) {
             p->theta_i_deg[p->n] = deg_from_udeg(plan->step[i].theta_i_udeg);
             p->theta_v_deg[p->n] = deg_from_udeg(plan->step[i].theta_v_udeg);
             p->mirrored[p->n] = plan->step[i].mirrored;
-            p->interval[p->n] = (int)(time_us(plan, i) / (job->exposure.dark_every_min * US_PER_MIN));
+            p->interval[p->n] = (int)(p->middle_us[i] / (job->exposure.dark_every_min * US_PER_MIN));
             p->step[p->n++] = i;
         }
+    }
     return rc;
 }
 
@@ -95,7 +94,7 @@ static int take_points(struct points *p, const struct plan *plan, const struct j
 static void take_bracket(struct points *p, const struct plan *plan, const int control[2], size_t nth,
                          size_t from, double rate, double u_reading) {
     struct estimate_bracket *b = &p->bracket[p->n_brackets];
-    const double open_us = time_us(plan, control[0]), length_us = time_us(plan, control[1]) - open_us;
+    const double open_us = p->middle_us[control[0]], length_us = p->middle_us[control[1]] - open_us;
     *b = (struct estimate_bracket){.point = p->listed + from,
                                    .tau_us = p->tau_us + from,
                                    .tau_r_us = p->tau_r_us + from,
@@ -106,8 +105,8 @@ static void take_bracket(struct points *p, const struct plan *plan, const int co
         const bool own = step->reference >= 0 && !is_control(&plan->step[step->reference]);
         if (step->bracket != plan->step[control[0]].opens)
             continue;
-        const double tau_us = time_us(plan, p->step[i]) - open_us;
-        const double tau_r_us = own ? time_us(plan, step->reference) - open_us : 0;
+        const double tau_us = p->middle_us[p->step[i]] - open_us;
+        const double tau_r_us = own ? p->middle_us[step->reference] - open_us : 0;
         const double f = tau_us / length_us, f_r = tau_r_us / length_us;
         p->control[nth * p->n + i] = u_reading * ((1 - f) - (own ? 1 - f_r : 0));
         p->control[(nth + 1) * p->n + i] = u_reading * (f - (own ? f_r : 0));
