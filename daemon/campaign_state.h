@@ -86,10 +86,10 @@ struct campaign_requests { /* raised by orders, cleared by whoever obeys */
 };
 
 struct campaign_hold {
-    bool active, planned, person; /* person: nothing but a person's word ends it */
-    char text[512];               /* a whole error: what to do is its end */
-    const char *next;             /* what follows: a sentence */
-    int64_t since_us;             /* of the bench's clock */
+    bool active, planned, person;             /* person: nothing but a person's word ends it */
+    char text[sizeof((struct err *)0)->text]; /* whole: what to do is its end */
+    const char *next;                         /* what follows: a sentence */
+    int64_t since_us;                         /* of the bench's clock */
 };
 
 struct campaign {

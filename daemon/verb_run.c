@@ -144,7 +144,7 @@ static int report_end(const json_t *end, json_t *job, bool json) {
 static int wait_for(struct rpc_client *client, json_t *job, bool json) {
     json_int_t number = json_integer_value(json_object_get(job, "job"));
     bool bar = isatty(STDERR_FILENO);
-    char told[512] = "";
+    char told[sizeof((struct err *)0)->text] = "";
     for (;;) {
         struct err e = {0};
         json_t *status = NULL, *event = NULL;
