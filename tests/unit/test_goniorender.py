@@ -13,9 +13,9 @@ from pathlib import Path
 
 sys.path.insert(0, "tests/support")
 import in_folders  # noqa: E402
+from scenes import SCENES, small  # noqa: E402
 
 GONIORENDER = Path(os.environ.get("BUILD", "build"), "goniorender").absolute()
-SCENES = Path("docs/examples/scenes").absolute()
 
 
 def run(*words, cwd=None):
@@ -43,19 +43,6 @@ def origin_of(path):
                 text = zlib.decompress(text)
             return json.loads(text)
     raise AssertionError(f"{path} carries no origin")
-
-
-def small(folder, scene, **changes):
-    """The example at small size, beside the files it names."""
-    text = (SCENES / scene).read_text()
-    for key, value in {"width": 32, "height": 24, "grid": 1, **changes}.items():
-        text = re.sub(rf"{key}: \d+", f"{key}: {value}", text)
-    for other in SCENES.glob("*"):
-        if other.suffix != ".yaml":
-            (folder / other.name).write_bytes(other.read_bytes())
-    path = folder / scene
-    path.write_text(text)
-    return path
 
 
 def test_help_and_version(folder):

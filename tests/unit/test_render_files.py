@@ -1,5 +1,6 @@
 """The files of a picture: its origin names each that went into it by its bytes, and one that cannot be written is told
 before the work."""
+import functools
 import hashlib
 import json
 import os
@@ -10,28 +11,16 @@ from pathlib import Path
 
 sys.path.insert(0, "tests/support")
 import in_folders  # noqa: E402
+from scenes import small  # noqa: E402
 
 GONIORENDER = Path(os.environ.get("BUILD", "build"), "goniorender").absolute()
-SCENES = Path("docs/examples/scenes").absolute()
+tiny = functools.partial(small, width=16, height=12, samples=4)
 
 
 def run(*words, cwd=None, stdout=subprocess.PIPE):
     done = subprocess.run([GONIORENDER, *map(str, words)], stdout=stdout, stderr=subprocess.PIPE, text=True,
                           timeout=300, cwd=cwd)
     return done.returncode, done.stdout, done.stderr
-
-
-def small(folder, scene):
-    """The example at small size, beside the files it names."""
-    text = (SCENES / scene).read_text()
-    for key, value in {"width": 16, "height": 12, "grid": 1, "samples": 4}.items():
-        text = re.sub(rf"{key}: \d+", f"{key}: {value}", text)
-    for other in SCENES.glob("*"):
-        if other.suffix != ".yaml":
-            (folder / other.name).write_bytes(other.read_bytes())
-    path = folder / scene
-    path.write_text(text)
-    return path
 
 
 def origin(folder, scene, *words):
@@ -74,7 +63,7 @@ def test_every_file_of_a_picture_is_named(folder):
              "mesh.yaml": {"bowl.obj", "knot.ply", "blue.csv", "orange.csv", "lamp.csv"},
              "room.yaml": {"room.png"}}
     for name, files in cases.items():
-        scene = small(folder, name)
+        scene = tiny(folder, name)
         lamp(folder)
         scene.write_text(re.sub(r"spd: (D50|D65)", "spd: lamp.csv", scene.read_text()))
         named = hashes(origin(folder, scene))
@@ -85,7 +74,7 @@ def test_every_file_of_a_picture_is_named(folder):
 
 def test_one_byte_changes_the_origin(folder):
     """At a place that no pixel shows: only the bytes differ."""
-    scene = small(folder, "painting.yaml")
+    scene = tiny(folder, "painting.yaml")
     before = origin(folder, scene)
     for file in ("mask.png", "relief.png", "green.csv"):
         with open(folder / file, "ab") as out:
@@ -96,7 +85,7 @@ def test_one_byte_changes_the_origin(folder):
 
 
 def test_a_file_that_is_not_read_is_not_named(folder):
-    scene = small(folder, "painting.yaml")
+    scene = tiny(folder, "painting.yaml")
     scene.write_text(scene.read_text().replace("relief_mm: 0.5", "relief_mm: 0"))
     (folder / "relief.png").unlink()
     shape = origin(folder, scene)["shapes"][0]
@@ -104,7 +93,7 @@ def test_a_file_that_is_not_read_is_not_named(folder):
 
 
 def test_recoloured_planes_name_the_new_lamp(folder):
-    scene = small(folder, "cylinder.yaml")
+    scene = tiny(folder, "cylinder.yaml")
     lamp(folder)
     scene.write_text(scene.read_text().replace("spd: D65", "spd: lamp.csv"))
     was = origin(folder, scene, "--planes", "p.exr")["lights"][0]
@@ -131,7 +120,7 @@ def unwritable(folder):
 
 
 def test_what_cannot_be_written_is_told_before_the_work(folder):
-    scene = small(folder, "cylinder.yaml")
+    scene = tiny(folder, "cylinder.yaml")
     assert run("render", scene, "-o", folder / "r.png", "--planes", folder / "p.exr")[0] == 0
     good = folder / "good.png"
     for bad, why in unwritable(folder):
@@ -157,7 +146,7 @@ def test_what_cannot_be_written_is_told_before_the_work(folder):
 
 
 def test_a_series_is_checked_by_its_numbers(folder):
-    scene = small(folder, "raking.yaml")
+    scene = tiny(folder, "raking.yaml")
     (folder / "r-002.png").mkdir()
     code, out, err = run("render", scene, "-o", folder / "r.png")
     assert code == 1 and "r-002.png" in err and out == "" and not (folder / "r-001.png").exists(), err
@@ -165,7 +154,7 @@ def test_a_series_is_checked_by_its_numbers(folder):
 
 def test_what_is_protected_stays(folder):
     """Nobody may write it; root always may."""
-    scene = small(folder, "cylinder.yaml")
+    scene = tiny(folder, "cylinder.yaml")
     kept = folder / "kept.png"
     kept.write_bytes(b"kept")
     kept.chmod(0o444)
@@ -177,7 +166,7 @@ def test_what_is_protected_stays(folder):
 
 
 def test_a_full_output_is_told(folder):
-    scene = small(folder, "cylinder.yaml")
+    scene = tiny(folder, "cylinder.yaml")
     for words in (["--help"], ["--scene-reference"], ["render", scene, "-o", folder / "f.png"], ["stability"]):
         with open("/dev/full", "w") as full:
             code, out, err = run(*words, stdout=full)
