@@ -2,7 +2,7 @@
  * bench_place.h — where and when figures were measured: what a report of a bench begins with.
  *
  * Units      none. A text that could not be found is "unknown".
- * Checked    tests/unit/test_bench_fit.py
+ * Checked    tests/unit/test_bench_fit.py, tests/unit/test_goniorender.py: in the reports
  */
 #ifndef FIT_BENCH_PLACE_H
 #define FIT_BENCH_PLACE_H

@@ -2,8 +2,8 @@
  * bench_run.h — how long the solvers take on one case: ours, and those of other libraries by their own program.
  *
  * Cold is a fit from the case's start, warm one from the optimum without the last point, TinySolver's from what that fit
- * left; both are medians over repeats, each repeat timed by itself, geometry and weights ready; of several rounds the quietest. A trace is one more fit,
- * watched iteration by iteration.
+ * left; both are medians over repeats, each repeat timed by itself, geometry and weights ready; of several rounds the
+ * quietest. A trace is one more fit, watched iteration by iteration.
  * The others' program is called `PROGRAM CASE.csv REPEATS` and prints a record a line:
  *     solver,kernel,cold|warm|trace,t_us,chi2,evaluations,x...
  * kernel: "goniod" the model of fit/reflectance_batch.h, "plain" a scalar one written for the comparison.

@@ -169,3 +169,7 @@ bool embree_blocked(const struct embree *mesh, const struct embree_ray *ray) {
     library.rtcOccluded1(mesh->scene, &context.context, &probe);
     return probe.tfar < 0; /* -INFINITY where something was hit */
 }
+
+const char *embree_version(void) {
+    return RTC_VERSION_STRING;
+}

@@ -27,6 +27,7 @@ struct embree_ray {
     void *arg;
 };
 
+const char *embree_version(void); /* that goniorender was built for */
 /* Makes sure that the library is loaded; embree_make does it too. */
 int embree_load(struct err *e);
 /* vertex(arg, i, v) and triangle(arg, i, corners) tell the i-th. */

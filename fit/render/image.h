@@ -15,6 +15,8 @@
 int image_known(const char *path, struct err *e);
 int image_write(const char *path, const struct picture *picture, const char *origin_json, struct err *e);
 
+const char *image_png_version(void); /* of libpng, as it runs */
+
 /* file: FILE * open for writing; profile: the ICC profile's bytes. */
 int image_png(void *file, const struct picture *picture, const unsigned char *profile, size_t profile_size,
               const char *origin_json, struct err *e);

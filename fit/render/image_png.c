@@ -156,3 +156,7 @@ void raster_free(struct raster *raster) {
     free(raster->rgb);
     *raster = (struct raster){0};
 }
+
+const char *image_png_version(void) {
+    return png_get_libpng_ver(NULL);
+}

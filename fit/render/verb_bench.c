@@ -8,6 +8,8 @@
 
 #include "fit/bench_place.h"
 #include "fit/render/bench.h"
+#include "fit/render/embree.h"
+#include "fit/render/image.h"
 
 static const char help[] =
     "usage: goniorender bench [-o REPORT.md] [--csv ROWS.csv] [--plot PLOT.svg] [--quick]\n"
@@ -72,13 +74,15 @@ static void print_head(const struct bench *b) {
         "# Error against run time of goniorender\n\nWritten by `goniorender bench` %s%s.\n\n"
         "- date: %s, commit %s\n"
         "- compiler: %s\n"
+        "- libraries: libpng %s; Embree %s in S5\n"
         "- processor: %s, %ld of them; load average when it began: %.2f %.2f %.2f\n"
         "- a load average near 0 is a free machine; on a shared one wall times grow and CPU times stay\n"
         "- scenes: S1, S2 a cylinder in parallel light, orthographic; S3 a panel under a rectangle light; S4 "
         "a fold;\n"
         "  S5 a mesh in an environment; S6 is `goniorender stability`\n\n",
         GONIOD_VERSION, b->size == &quick ? " --quick: the figures below are worth nothing" : "", place.date,
-        place.commit, place.system, place.cpu, sysconf(_SC_NPROCESSORS_ONLN), load[0], load[1], load[2]);
+        place.commit, place.system, image_png_version(), embree_version(), place.cpu,
+        sysconf(_SC_NPROCESSORS_ONLN), load[0], load[1], load[2]);
 }
 
 static void print_errors(const struct bench *b, const char *name, const struct bench_errors *x) {

@@ -281,7 +281,7 @@ def test_bench_writes_its_report(folder):
     assert code == 0 and out == "", err
     report = (folder / "r.md").read_text()
     for words in ("the figures below are worth nothing", "| S2 acrylic 17 | 64 |", "recolour, planes in memory",
-                  "| sums over wavelengths |", "| 20 nm |", "(S4)", "## S5: a mesh", "| 8832 |"):
+                  "| sums over wavelengths |", "| 20 nm |", "(S4)", "## S5: a mesh", "| 8832 |", "commit ", "compiler: gcc", "libpng 1."):
         assert words in report, words
     assert re.search(r"at most \d\.\de-1[0-9] apart", report), "shade.h and reflectance.h differ"
     rows = [line.split(",") for line in (folder / "r.csv").read_text().splitlines() if line]
